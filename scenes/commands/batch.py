@@ -95,7 +95,11 @@ def optimise(
     ] = None,
     over: Annotated[
         list[str] | None,
-        typer.Option("--over", metavar="KEY=LO:HI", help="Key of the scene that is searched too; repeatable."),
+        typer.Option(
+            "--over",
+            metavar="KEY=LO:HI[:each]",
+            help="Key of the scene that is searched too, with each for a value of each segment; repeatable.",
+        ),
     ] = None,
     free: Annotated[
         str, typer.Option("--free", metavar="WHAT", help="segments: each has its own shape; waves: all are alike.")
@@ -103,6 +107,12 @@ def optimise(
     budget: Annotated[int, typer.Option("--budget", min=14, help="Largest number of runs of each search.")] = 1500,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first search.")] = 0,
     searches: Annotated[int, typer.Option("--searches", min=1, help="Number of searches; the best one counts.")] = 2,
+    front: Annotated[
+        str | None,
+        typer.Option("--front", metavar="V1,V2,...", help="The best gait at each of these least speeds [BL/s]."),
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     o: Overrides = None,
     out: Out = None,
     force: Force = False,
@@ -115,9 +125,17 @@ def optimise(
     conditions, and the folder best with a run and its film. Amplitude and period are those of the scene. If the command
     is stopped, the same command with the same --out goes on.
     """
+    if front is not None:
+        from scenes.studies.optimise.front import run
+
+        given = goal, limit or (), over or (), front, budget, seed
+        raise typer.Exit(run(scene, o or (), out, *given, force=force, quiet=quiet))
+
     from scenes.studies.optimise import command
 
-    options = command.Options(goal, limit or (), over or (), free, budget, seed, searches, force, quiet)
+    options = command.Options(
+        goal, limit or (), over or (), free, budget, seed, searches, workers, scheduler, force, quiet
+    )
     raise typer.Exit(command.run(scene, o or (), out, options))
 
 

@@ -66,8 +66,13 @@ def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene
     SceneError
         One line per mistake.
     """
+    return draft_of(name_or_path, overrides).checked()
+
+
+def draft_of(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Draft:
+    """Return a scene that can be checked with further overrides. The parameters are the same as in `load_scene`."""
     path = find_scene(str(name_or_path))
-    return parse_scene(read_text(path), path.stem, overrides, path.parent)
+    return Draft(read_text(path), path.stem, overrides, path.parent)
 
 
 def parse_scene(text: str, name: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:

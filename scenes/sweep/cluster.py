@@ -60,14 +60,20 @@ class Local:
         """Yield how each job ended; see `Executor.run`."""
         if not jobs:
             return
+        with self.connected(len(jobs)) as client:
+            yield from Flight(client, perform, stopped).run(jobs)
+
+    @contextmanager
+    def connected(self, most: int) -> Iterator[Client]:
+        """Start at most `most` workers, and yield the connection to their scheduler."""
         if self.bind != LOOPBACK:
             typer.echo(WARNING.format(self.bind), err=True)
         with (
             dask.config.set(SETTINGS),
-            self._started(min(self.workers, len(jobs))) as cluster,
+            self._started(min(self.workers, most)) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
-            yield from Flight(client, perform, stopped).run(jobs)
+            yield client
 
     def _started(self, workers: int) -> LocalCluster:
         try:
@@ -97,7 +103,7 @@ class Remote:
         """Yield how each job ended; see `Executor.run`."""
         if not jobs:
             return
-        with self._connected() as client:
+        with self.connected(len(jobs)) as client:
             hint = f"'dask worker {self.address} --nthreads 1' starts one"
             flight = Flight(client, perform, stopped, hint)
             if flight.wait_for_workers():
@@ -106,7 +112,8 @@ class Remote:
                 yield from flight.run(jobs)
 
     @contextmanager
-    def _connected(self) -> Iterator[Client]:
+    def connected(self, most: int) -> Iterator[Client]:
+        """Yield the connection to the scheduler, of which all workers are used, whatever `most` is."""
         with silence_logging_cmgr("CRITICAL"):  # errors are reported as sentences
             try:
                 client = Client(self.address, timeout=CONNECT, set_as_default=False)

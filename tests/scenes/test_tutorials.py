@@ -50,7 +50,9 @@ assert length == 1.0
 
 The end.
 """
-LONGER = ("04_friction_and_slopes", "07_control", "08_sweeps", "09_fitting", "10_your_own_actuator")
+LONGER = (
+    *("04_friction_and_slopes", "07_control", "08_sweeps", "09_fitting", "10_your_own_actuator", "12_optimising"),
+)
 """Tutorials that compute for more than five seconds."""
 CODE = ("length = 1.0\nfor number in range(2):\n\n    print(number)", "assert length == 1.0")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +17,7 @@ from scenes.language.parts import key_of
 from scenes.language.toml import value as toml_value
 from scenes.records.text import Column
 from scenes.running.report import Block, Heading, Items, Picture, Table
-from scenes.running.terminal import USES
+from scenes.running.terminal import USES, counted
 from scenes.studies.optimise.goals import MOST_ROLL
 from scenes.studies.optimise.search import Found
 from scenes.studies.optimise.trials import AS_IT_IS, SURE_WAVES, Ground, Trials
@@ -29,6 +30,8 @@ ACCURACY, CONFIRMED = 0.002, 0.05
 SLOWER, GLIDES = 4.0, 0.85
 """Factor of the period of the run that shows gliding, and least share of the value in a wave of a gait that does not
 glide. Inertia carries a gliding worm while its anchors slip."""
+SKIPPED_SHOWN = 3
+"""Number of reasons for skipped candidates in a card."""
 PERIOD, HALF, WEAK = "four times the period", "half the friction", "a quarter of the friction backward and sideways"
 
 
@@ -106,6 +109,21 @@ class Card:
         """The optimised gait."""
         self._simple = trials.gait_of(simple, self._simple_base)
 
+    @property
+    def value(self) -> float:
+        """Value of the goal with the optimised gait."""
+        return self.best.best.score.value
+
+    @property
+    def simple_value(self) -> float:
+        """Value of the goal with the best simple gait."""
+        return self.first.simple.score.value
+
+    @property
+    def gain(self) -> float:
+        """How much better the optimised gait is than the best simple gait, as a ratio."""
+        return self.trials.goal.gain(self.value, self.simple_value)
+
     def measure(self, tell: Callable[[int], None] = lambda done: None) -> list[Left]:
         """Return the values under each condition; `tell` is called with the number of finished conditions."""
         rows = list[Left]()
@@ -134,7 +152,7 @@ class Card:
     def blocks(self, rows: Sequence[Left], seconds: float) -> Iterator[Block]:
         """Yield the card."""
         trials, goal = self.trials, self.trials.goal
-        own, simple, best = trials.own_value, self.first.simple.score.value, self.best.best.score.value
+        own, simple, best = trials.own_value, self.simple_value, self.value
         yield Heading(f"The best gait for {trials.scene.name}: {goal.name}", 1)
         yield f"Goal: {goal.meaning}{_limits(goal.limits)}."
         runs = ", ".join(
@@ -146,10 +164,13 @@ class Card:
             (
                 ("of the scene", f"{own:.4g}", f"{goal.gain(own, simple):.3f}"),
                 ("best simple gait", f"{simple:.4g}", "1.000"),
-                ("optimised", f"{best:.4g}", f"{goal.gain(best, simple):.3f}"),
+                ("optimised", f"{best:.4g}", f"{self.gain:.3f}"),
             ),
         )
         yield f"Searches of {seconds:.0f} s together: {runs}."
+        if skipped := sum((Counter(each.skipped) for each in self.found), Counter[str]()):
+            told = "; ".join(f"{counted(number, 'time')}: {why}" for why, number in skipped.most_common(SKIPPED_SHOWN))
+            yield f"Skipped candidates: {skipped.total()}. {told}."
         yield from self.verdicts(rows)
         yield Heading("The gait")
         yield Picture("gait.png", "The activations of the chambers over a period, and the progress of the search.")
@@ -161,7 +182,10 @@ class Card:
         )
         yield Heading("What is left under other conditions")
         yield Table.of(LEFT_COLUMNS, rows)
-        yield "The shares kept are in percent. Values are those of the goal in a wave, of a run of six waves."
+        yield (
+            "The shares kept are in percent. Values are those of the goal in a wave, of a run of six waves. There is no"
+            " row for noise of sensors, since the gait uses none."
+        )
         if (result := self.confirmed) is not None:
             yield Heading("Where the work goes")
             yield Table(("use", "work over weight and distance"), list(_work(result)))
@@ -169,7 +193,7 @@ class Card:
     def verdicts(self, rows: Sequence[Left]) -> Iterator[Block]:
         """Yield the verdicts."""
         yield Heading("Whether to believe it")
-        yield Items([self._confirmation(rows[0]), *self.verdict_sentences(rows)])
+        yield Items([self.confirmation(rows[0]), *self.verdict_sentences(rows)])
 
     def verdict_sentences(self, rows: Sequence[Left]) -> Iterator[str]:
         """Yield a sentence for each reason to doubt the gait, or one that there is none. A run that ends early tips."""
@@ -194,7 +218,8 @@ class Card:
             )
         yield from found or ["none of the rules for gliding, anisotropy, sliding back and tipping applies"]
 
-    def _confirmation(self, first: Left) -> str:
+    def confirmation(self, first: Left) -> str:
+        """Return the sentence whether an accurate run has the value of the first condition."""
         result = self.confirmed
         if result is None or result.status is not worm3d.Status.DONE:
             return f"**not confirmed**: the run with the accuracy {ACCURACY} did not end"

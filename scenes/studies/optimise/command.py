@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from base64 import b64encode
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from control.gaits.periodic import Periodic
+from scenes.language.loader import find_scene
 from scenes.language.toml import value as toml_value
 from scenes.models.loading import load_scene
-from scenes.records.folder import write_bytes
+from scenes.records.folder import VIEWER, write_bytes
 from scenes.running.report import Heading, Report, StudyStoppedError, markdown, report_study
 from scenes.running.runner import run_scene
 from scenes.running.terminal import Interruption, progress
 from scenes.studies.optimise.card import CONDITIONS, Card, fragment
+from scenes.studies.optimise.goals import BROKEN
 from scenes.studies.optimise.optimising import searched, trials_of
-from scenes.studies.optimise.search import Found
-from scenes.studies.optimise.trials import SURE_WAVES, Score, Trials
+from scenes.studies.optimise.search import Best, Found, Scores
+from scenes.studies.optimise.trials import SURE_WAVES, Trials
+from scenes.studies.optimise.unknowns import Choice
+from scenes.sweep.engine import chosen
+from scenes.sweep.executors import InProcess
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+FILM_EVERY = 20.0
+"""Least time between two films of the best gait so far [s]. A film takes about a second."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +51,9 @@ class Options:
     seed: int
     searches: int
     """Number of searches, with consecutive seeds."""
+    workers: int | None
+    scheduler: str | None
+    """Number of processes, or address of a running Dask scheduler, that share the runs."""
     force: bool
     quiet: bool
 
@@ -51,26 +66,43 @@ def run(scene: str, overrides: Sequence[str], out: Path | None, options: Options
     SceneError
         The scene has no 3D worm with a periodic gait, an option is wrong, or the folder cannot be used.
     """
-    trials = trials_of(scene, options.goal, overrides, options.limits, options.over, options.free)
+    asked = str(find_scene(scene)), options.goal, tuple(overrides), tuple(options.limits), tuple(options.over)
+    trials, executor = trials_of(*asked, options.free), chosen(options.workers, options.scheduler)
 
     def study(folder: Path) -> Report:
         began = perf_counter()
-        card = Card(trials, _found(trials, options, folder))
+        with ExitStack() as stack:
+            of: Scores = trials.scores
+            if not isinstance(executor, InProcess):
+                from scenes.studies.optimise.workers import Asked, scores_by  # imports Dask
+
+                of = stack.enter_context(scores_by(executor, Asked(*asked, options.free)))
+            card = Card(trials, _found(scene, overrides, trials, options, folder, of))
         return _report(scene, overrides, card, folder, perf_counter() - began, quiet=options.quiet)
 
     return report_study(f"optimise-{trials.scene.name}", study, out, force=options.force, quiet=options.quiet)
 
 
-def _found(trials: Trials, options: Options, folder: Path) -> list[Found]:
+def _found(
+    scene: str, overrides: Sequence[str], trials: Trials, options: Options, folder: Path, of: Scores
+) -> list[Found]:
     total, seeds = options.budget * options.searches, range(options.seed, options.seed + options.searches)
+    filmed, then = math.inf, perf_counter()
     with Interruption() as interruption, progress(options.goal, total, quiet=options.quiet, what="run") as show:
 
-        def go_on(seed: int, runs: int, best: Score) -> bool:
-            show((seed - options.seed) * options.budget + runs, f"{options.goal}, seed {seed}: {best.value:.4g}")
+        def go_on(seed: int, runs: int, best: Best) -> bool:
+            nonlocal filmed, then
+            if best.score.cost < min(filmed, BROKEN) and perf_counter() > then + FILM_EVERY:
+                choice = trials.space.choice(best.at)
+                _film(scene, overrides, choice, trials.gait_of(choice, trials.base_of(choice)), folder)
+                filmed, then = best.score.cost, perf_counter()
+            page = f", film {folder / 'best' / VIEWER}" if filmed < BROKEN else ""
+            title = f"{options.goal}, seed {seed}: {best.score.value:.4g}{page}"
+            show((seed - options.seed) * options.budget + runs, title)
             return not interruption.requested
 
         found = list[Found]()
-        for each in searched(trials, options.free, options.budget, seeds, go_on, folder):
+        for each in searched(trials, options.free, options.budget, seeds, go_on, folder, of):
             found.append(each)
             if interruption.requested:
                 kept = f"the finished runs are kept, the same command with --out {folder} goes on"
@@ -85,9 +117,7 @@ def _report(scene: str, overrides: Sequence[str], card: Card, folder: Path, seco
         rows = card.measure(show)
     goal, best = card.trials.goal, card.best.best.score.value
     title = f"{card.trials.scene.name}, goal {goal.name}: {best:.4g}, found by worm3d optimise"
-    text = fragment(card.gait, title, card.choice.changes)
-    write_bytes(folder / "gait.toml", text.encode())
-    _film(scene, overrides, card, folder)
+    text = _film(scene, overrides, card.choice, card.gait, folder, title)
     blocks, picture = list(card.blocks(rows, seconds)), draw(card)
     return Report(
         said=[block for block in blocks if not isinstance(block, Heading) or block.level > 1],
@@ -97,12 +127,15 @@ def _report(scene: str, overrides: Sequence[str], card: Card, folder: Path, seco
     )
 
 
-def _film(scene: str, overrides: Sequence[str], card: Card, folder: Path) -> None:
-    """Run the gait in its scene, and write the results to the folder `best`."""
-    duration = SURE_WAVES * card.gait.period
-    gait = f"gait={toml_value(str((folder / 'gait.toml').resolve()))}"
-    loaded = load_scene(scene, (*overrides, *card.choice.changes, gait, f"run.duration_s={duration!r}"))
-    run_scene(loaded, folder / "best", force=True, quiet=True)
+def _film(
+    scene: str, overrides: Sequence[str], choice: Choice, gait: Periodic, folder: Path, title: str = "the best so far"
+) -> str:
+    """Write and return `gait.toml`, run the gait in its scene, and write the results to the folder `best`."""
+    text = fragment(gait, title, choice.changes)
+    write_bytes(folder / "gait.toml", text.encode())
+    given = f"gait={toml_value(str((folder / 'gait.toml').resolve()))}", f"run.duration_s={SURE_WAVES * gait.period!r}"
+    run_scene(load_scene(scene, (*overrides, *choice.changes, *given)), folder / "best", force=True, quiet=True)
+    return text
 
 
 def html(page: str, picture: Figure) -> str:

@@ -6,10 +6,14 @@ smaller sum of relative violations is better (Deb, Comput. Methods Appl. Mech. E
 
 from __future__ import annotations
 
+import ctypes
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from numbers import Real
+from threading import Thread
 from types import MappingProxyType
 
 from control.parts import MEASURE
@@ -66,8 +70,12 @@ class Goal:
 
     def value(self, result: FinishedRun) -> float:
         """Return the value of the goal in a run, or NaN."""
-        value, _ = self.measure(result)
-        return float(value) if isinstance(value, float | int) and math.isfinite(value) else math.nan
+        return self.value_or_why(result)[0]
+
+    def value_or_why(self, result: FinishedRun) -> tuple[float, str]:
+        """Return the value of the goal in a run and "", or NaN and a reason."""
+        value, why = self.measure(result)
+        return (float(value), why) if isinstance(value, float | int) else (math.nan, why)
 
     def gain(self, value: float, reference: float) -> float:
         """Return how much better a value is than a reference, as a ratio above 1 for a better value."""
@@ -89,6 +97,46 @@ def _turned(result: FinishedRun) -> float:
     if not isinstance(value, float):
         raise NoValueError(reason)
     return abs(value)
+
+
+TIME_LIMIT = 10.0
+"""Longest time that a user's own measure may take [s]. Measures of the program take some milliseconds."""
+
+
+@dataclass(frozen=True)
+class Guarded(Measure):
+    """A user's own measure, of which errors, values that are no finite numbers, and endless loops are reasons."""
+
+    own: Measure = field(default_factory=Measure)
+
+    def of(self, result: FinishedRun) -> float:
+        """Return the value of a run, or raise NoValueError.
+
+        The measure runs in its own thread. If the time is over, the thread gets an exception, which ends an endless
+        loop in Python.
+        """
+        found = Future[object]()
+
+        def go() -> None:
+            try:
+                found.set_result(self.own.of(result))
+            except BaseException as error:
+                found.set_exception(error)
+
+        thread = Thread(target=go, daemon=True)
+        thread.start()
+        try:
+            value = found.result(TIME_LIMIT)
+        except NoValueError:
+            raise
+        except named.EXCEPTIONS as error:
+            if found.done():
+                raise NoValueError(f"{self.name} raised {named.told(error)}") from error
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit))
+            raise NoValueError(f"{self.name} took longer than {TIME_LIMIT:g} s") from error
+        if not isinstance(value, Real) or not math.isfinite(value):
+            raise NoValueError(f"{self.name} returned {value!r:.60}, must return a finite number")
+        return float(value)
 
 
 LEAST_SPEED = 0.05
@@ -147,7 +195,7 @@ def goal_of(name: str, limits: Sequence[str] = ()) -> Goal:
         except ValueError as error:
             raise SceneError(f"--goal: {error}") from error
         measure = own if isinstance(own, Measure) else next(m for m in MEASURES.values() if m.function is own)
-        goal = Goal(name, measure.meaning, measure, limits=(ROLL,))
+        goal = Goal(name, measure.meaning, Guarded(name, measure.meaning, own=measure), limits=(ROLL,))
     elif name in GOALS:
         goal = GOALS[name]
     else:

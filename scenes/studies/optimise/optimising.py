@@ -9,16 +9,17 @@ from scenes.language.errors import SceneError
 from scenes.records.folder import TEMPORARY_PREFIX
 from scenes.studies.optimise.card import Card
 from scenes.studies.optimise.goals import goal_of
-from scenes.studies.optimise.search import Found, Log, search
-from scenes.studies.optimise.trials import Score, Trials
+from scenes.studies.optimise.search import Best, Found, Log, Scores, search
+from scenes.studies.optimise.trials import Trials
 from scenes.studies.optimise.unknowns import free_of
+from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import spelled
 
 FREE = ("segments", "waves")
 """Values of the argument `free`: separate shapes of the segments, or simple gaits only."""
 
-GoOn = Callable[[int, int, Score], bool]
-"""Function of seed, number of runs and best score. If it returns False, the search ends."""
+GoOn = Callable[[int, int, Best], bool]
+"""Function of seed, number of runs and best candidate. If it returns False, the search ends."""
 
 
 @spelled
@@ -58,7 +59,7 @@ def optimise(
     searches : int
         Number of searches, the best of which counts.
     go_on : callable
-        Function that is called with seed, number of runs and best score. If it returns False, the search ends.
+        Function that is called with seed, number of runs and best candidate. If it returns False, the search ends.
 
     Returns
     -------
@@ -87,14 +88,37 @@ def trials_of(
 
 
 def searched(
-    trials: Trials, free: str, budget: int, seeds: Iterable[int], go_on: GoOn, folder: Path | None = None
+    trials: Trials,
+    free: str,
+    budget: int,
+    seeds: Iterable[int],
+    go_on: GoOn,
+    folder: Path | None = None,
+    of: Scores | None = None,
 ) -> Iterator[Found]:
-    """Yield the result of a search for each seed. The scores are kept in `folder`, if given."""
+    """Yield the result of a search for each seed. The scores are kept in `folder`, if given. `of` computes them."""
     for seed in seeds:
-        settings = {**trials.settings, "free": free, "seed": seed}
-        log = Log(None if folder is None else folder / f"{TEMPORARY_PREFIX}search-{seed}.jsonl", settings)
+        yield search_of(trials, free, budget, seed, go_on, folder, of)
 
-        def tell(runs: int, best: Score, seed: int = seed) -> bool:
-            return go_on(seed, runs, best)
 
-        yield search(trials.space, trials.scores, seed, budget, log, tell, simple=free == "waves")
+def search_of(
+    trials: Trials,
+    free: str,
+    budget: int,
+    seed: int,
+    go_on: GoOn,
+    folder: Path | None,
+    of: Scores | None = None,
+    start: FloatArray | None = None,
+    name: str = "",
+) -> Found:
+    """Return the result of a search. The scores are kept in a file of `folder`, with `name` in the file name."""
+    begun = {} if start is None else {"start": start.tolist()}
+    settings = {**trials.settings, "free": free, "seed": seed, **begun}
+    log = Log(None if folder is None else folder / f"{TEMPORARY_PREFIX}search-{name}{seed}.jsonl", settings)
+
+    def tell(runs: int, best: Best) -> bool:
+        return go_on(seed, runs, best)
+
+    scores = of or trials.scores
+    return search(trials.space, scores, seed, budget, log, tell, simple=free == "waves", start=start)

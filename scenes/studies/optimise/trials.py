@@ -14,13 +14,18 @@ import numpy as np
 import worm3d
 from control.gaits.gait import Gait
 from control.gaits.periodic import Periodic
+from scenes.language import toml
 from scenes.language.errors import SceneError
-from scenes.models.loading import Scene, load_scene
+from scenes.language.overrides import apply_overrides
+from scenes.language.schema import key_at
+from scenes.models.loading import Scene, draft_of, trusted_scene
 from scenes.models.worm.build import gait_of, problem_of
 from scenes.models.worm.schema import WormScene
 from scenes.studies.optimise.goals import BROKEN, FAILED, Goal
 from scenes.studies.optimise.unknowns import Choice, Free, Space
+from worm3d.measures import Measure
 from worm3d.running.problem import Problem
+from worm3d.values.arrays import FloatArray
 
 WAVES, SURE_WAVES = 2, 6
 """Waves of a run, of which the second half counts, and waves of a repeated run. Of a worm that is tipping over, the
@@ -63,6 +68,8 @@ class Score:
     """Number that the search makes small."""
     value: float
     """Value of the goal; NaN if the run has none."""
+    why: str = ""
+    """Reason why the candidate has no value."""
 
 
 class Trials:
@@ -75,21 +82,25 @@ class Trials:
     """
 
     def __init__(self, scene: str, overrides: Sequence[str], goal: Goal, free: Sequence[Free] = ()) -> None:
-        self.scene: Scene = load_scene(scene, overrides)
+        self._draft = draft_of(scene, overrides)
+        self.scene: Scene = self._draft.checked()
         settings = self.scene.settings
         if not isinstance(settings, WormScene):
             raise SceneError(
                 f"{scene}: must be a scene of the model 'worm', with a gait; is of {self.scene.model.name!r}"
             )
-        self.goal, self._source, self._overrides = goal, scene, tuple(overrides)
+        self.goal = goal
         self.base = problem_of(settings)
+        self._data = toml.parse(self.scene.to_toml())
         own = gait_of(settings)
         period = getattr(own, "period", None)
         if period is None or not isinstance(own, Gait):
             raise SceneError(f"{scene}: its gait has no period; choose a periodic one, such as travelling_wave")
         if wrong := [each.key for each in free if each.key.startswith("gait.") and each.key not in GAIT_KEYS]:
             raise SceneError(f"--over: got '{wrong[0]}', must be {' or '.join(GAIT_KEYS)}, or a key of another section")
-        self.space = Space(self.base.worm.segments, own.amplitude, float(period), goal.turns, tuple(free))
+        keys = [(each, key_at(WormScene, toml.path_of(each.key))) for each in free]
+        known = tuple(replace(each, whole=key is not None and key.hint is int) for each, key in keys)
+        self.space = Space(self.base.worm.segments, own.amplitude, float(period), goal.turns, known)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -120,7 +131,7 @@ class Trials:
         if value is None:
             raise SceneError(f"--goal: '{self.goal.name}' has no value in {self.scene.name}: {reason}")
         for end in (0.0, 1.0):
-            self._changed(self.space.changes(np.full(len(self.space.free), end)))
+            self.base_of(self.space.choice(np.full(len(self.space.neighbourly), end)))
 
     @property
     def grounds(self) -> tuple[Ground, ...]:
@@ -150,7 +161,26 @@ class Trials:
         sure = self._scored([given[k] for k in again], SURE_WAVES)
         for k, (score, _) in zip(again, sure, strict=True):
             scores[k] = score
+        return self._allowed(choices, scores)
+
+    def _allowed(self, choices: Sequence[Choice], scores: list[Score]) -> list[Score]:
+        """Return the scores, with the best of the candidates replaced until the scene of the best one is valid."""
+        for k in sorted(range(len(scores)), key=lambda k: scores[k].cost):
+            try:
+                self.base_of(choices[k])
+                break
+            except (SceneError, ValueError) as error:
+                scores[k] = Score(FAILED, math.nan, f"impossible scene: {error}")
         return scores
+
+    def measured(self, choices: Sequence[Choice], measures: Sequence[Measure], waves: int = WAVES) -> FloatArray:
+        """Return measures of those candidates that break no limit, shape (K, len(measures)); NaN without a value."""
+        bases = [self._base_or_none(each) for each in choices]
+        runs = [(each, base) for each, base in zip(choices, bases, strict=True) if base is not None]
+        results = self._results([self.problem(self.gait_of(each, base), waves, base=base) for each, base in runs])
+        valid = [each for each in results if each is not None and self.goal.violation(each) == 0.0]
+        values = [[measure(each)[0] for measure in measures] for each in valid]
+        return np.array([[x if isinstance(x, float) else math.nan for x in row] for row in values])
 
     def gait_of(self, choice: Choice, base: Problem | None) -> Periodic:
         """Return the gait of a candidate with amplitude and period of the scene with the changes of the candidate."""
@@ -159,14 +189,18 @@ class Trials:
 
     def base_of(self, choice: Choice) -> Problem:
         """Return the run of the scene with the changes of a candidate; SceneError if the scene is impossible."""
-        return self._changed(choice.changes)
-
-    def _changed(self, changes: Sequence[str]) -> Problem:
-        return problem_of(load_scene(self._source, (*self._overrides, *changes)).settings) if changes else self.base
+        return problem_of(self._draft.checked(choice.changes).settings) if choice.changes else self.base
 
     def _base_or_none(self, choice: Choice) -> Problem | None:
+        """Return the run of a candidate, or None if it is impossible, without the checks of a scene.
+
+        The checks take as long as the run.
+        """
+        if not choice.changes:
+            return self.base
+        data, _, _ = apply_overrides(self._data, choice.changes)
         try:
-            return self.base_of(choice)
+            return problem_of(trusted_scene(data, self.scene.name).settings)
         except (SceneError, ValueError):
             return None
 
@@ -198,21 +232,21 @@ class Trials:
         try:
             return list(worm3d.simulate_batch(**given, threads=os.cpu_count() or 1))
         except ValueError:
-            if len(problems) == 1:
-                return [None]
-            return [result for problem in problems for result in self._results([problem])]
+            half = len(problems) // 2
+            return [*self._results(problems[:half]), *self._results(problems[half:])] if half else [None]
 
     def _score(self, results: Sequence[worm3d.Result | None]) -> Score:
         ended = [each for each in results if each is not None and each.status is worm3d.Status.DONE]
         if not ended or len(ended) < len(results):
-            return Score(FAILED, math.nan)
-        values = [self.goal.value(each) for each in ended]
+            status = next((each.status.value for each in results if each and each not in ended), "the run cannot begin")
+            return Score(FAILED, math.nan, status)
+        values, reasons = zip(*map(self.goal.value_or_why, ended), strict=True)
+        if any(reasons):
+            return Score(FAILED, math.nan, max(reasons))
         if self.goal.robust:
             least = UNREACHED * abs(self.own[0])
-            values = [value / max(own, least) for value, own in zip(values, self.own, strict=True)]
+            values = tuple(value / max(own, least) for value, own in zip(values, self.own, strict=True))
         value = max(values) if self.goal.smallest else min(values)
-        if math.isnan(value) or any(map(math.isnan, values)):
-            return Score(FAILED, math.nan)
         violation = max(self.goal.violation(each) for each in ended)
         broken = min(BROKEN + violation, FAILED) if violation else 0.0
         return Score(broken or (value if self.goal.smallest else -value), value)

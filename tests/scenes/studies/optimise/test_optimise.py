@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +18,17 @@ from control.gaits import Periodic
 from scenes.language.errors import SceneError
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import gait_of
+from scenes.studies.optimise import front, goals
 from scenes.studies.optimise import search as searches
 from scenes.studies.optimise.card import CONDITIONS, HALF, PERIOD, WEAK, Card, Left, fragment
-from scenes.studies.optimise.goals import BROKEN, FAILED, GOALS, goal_of, limit_of
+from scenes.studies.optimise.goals import BROKEN, FAILED, GOALS, Guarded, goal_of, limit_of
+from scenes.studies.optimise.optimising import trials_of
 from scenes.studies.optimise.search import Best, Found, Log, search
 from scenes.studies.optimise.trials import GROUNDS, SURE_WAVES, WAVES, Score, Trials
 from scenes.studies.optimise.unknowns import PHASE_UNIT, Choice, Space, free_of
+from scenes.studies.optimise.workers import Asked, scores_by
+from scenes.sweep.engine import chosen
+from worm3d.measures import Measure
 
 SPACE = Space(6, 0.2, 2.0)
 
@@ -45,11 +52,9 @@ def test_the_right_side_of_a_simple_turn_is_weak_or_half_a_period_late() -> None
 @pytest.mark.parametrize("turns", [False, True])
 def test_any_coordinates_within_the_bounds_are_a_gait(turns: bool) -> None:
     space = replace(SPACE, turns=turns, free=(free_of("worm.spring_N=5:50"),))
-    low, high = space.bounds
     rng = np.random.default_rng(3)
-    ends = [(-4.0 if a is None else a, 4.0 if b is None else b) for a, b in zip(low, high, strict=True)]
     for _ in range(20):
-        at = np.array([rng.uniform(*each) for each in ends])
+        at = space.inside(rng.normal(size=len(space.neighbourly), scale=3.0))
         found = space.choice(at)
         assert found.gait.activations(np.array([0.3]), 6).shape == ((1, 6, 2) if turns else (1, 6))
     moved = np.array(at)
@@ -63,6 +68,64 @@ def test_free_keys_are_linear_or_logarithmic() -> None:
     for text in ("a.b", "a.b=1", "a.b=3:1", "a.b=1:x", "=1:2", "a.b=1:inf"):
         with pytest.raises(SceneError, match=r"--over: got .*, must be a key and its range, such as"):
             free_of(text)
+
+
+def test_a_free_key_can_have_whole_numbers_or_a_value_of_each_segment() -> None:
+    whole = replace(free_of("worm.segments=4:6"), whole=True)
+    assert [whole.value(x) for x in (0.0, 0.32, 0.34, 0.66, 0.68, 1.0)] == [4, 4, 5, 5, 6, 6]
+    space = replace(SPACE, free=(whole, free_of("worm.spring_N=5:11:each")))
+    at = space.spread(np.array([0.6, 0.5, 0.5, 0.0, 0.0]))
+    at[-6:] = (np.arange(6) + 0.5) / 6.0  # proportional to the place on the body
+    choice = space.choice(at)
+    assert choice.changes[0] == "worm.segments=4"
+    assert_allclose(json.loads(choice.changes[1].partition("=")[2]), 5.0 + 6.0 * (np.arange(4) + 0.5) / 4.0)
+    simple = replace(SPACE, segments=4)
+    other = simple.choice(simple.spread(np.array([0.6, 0.5, 0.5]))).gait
+    times = np.linspace(0.0, 2.0, 31)
+    assert_allclose(choice.gait.activations(times, 4), other.activations(times, 4), atol=1e-12)
+
+
+def test_the_first_steps_of_a_search_are_alike_in_neighbours_and_of_the_variance_1() -> None:
+    space = replace(SPACE, turns=True, free=(free_of("worm.spring_N=5:11:each"), free_of("worm.mass_kg=1:2")))
+    covariance = space.neighbourly @ space.neighbourly.T
+    assert_allclose(np.diag(covariance), 1.0)
+    assert covariance[0, 2] == pytest.approx(math.exp(-0.5))  # phases of the first two segments on the left
+    assert covariance[0, 1] == covariance[0, 12] == covariance[-1, -2] == 0.0
+    assert covariance[-2, -3] == pytest.approx(math.exp(-0.5))
+
+
+def test_a_goal_that_hangs_or_raises_has_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(goals, "TIME_LIMIT", 0.2)
+
+    def forever(result: object) -> float:
+        while True:
+            pass
+
+    def wrong(result: object) -> float:
+        raise KeyError("lost")
+
+    before = threading.active_count()
+    run = w.simulate(w.Worm(), w.Plane(), actuation=Periodic(), duration=0.1)
+    for function, words in (
+        (forever, "own took longer than 0.2 s"),
+        (wrong, "own raised KeyError: 'lost'"),
+        (lambda result: math.nan, "own returned nan, must return a finite number"),
+        (lambda result: None, "own returned None, must return a finite number"),
+    ):
+        value, why = Guarded("own", own=Measure("odd_m", "odd", function))(run)
+        assert (value, why) == (None, words)
+    time.sleep(0.1)
+    assert threading.active_count() == before  # the endless loop was ended
+    assert Guarded("own", own=Measure("odd_m", "odd", lambda result: 2))(run) == (2.0, "")
+
+
+@pytest.mark.slow
+def test_workers_compute_the_same_scores() -> None:
+    asked = Asked("flat", "speed", ("worm.mass_kg=0.12",), (), ("worm.spring_N=20:30",), "segments")
+    trials = trials_of(*asked)
+    choices = [trials.space.choice(trials.space.spread(np.array([0.6, 0.5, 0.5, x]))) for x in (0.2, 0.9)]
+    with scores_by(chosen(workers=1), asked) as of:
+        assert of(choices) == trials.scores(choices)
 
 
 def test_limits_and_goals_are_explained() -> None:
@@ -163,6 +226,39 @@ def test_the_search_finds_a_minimum_that_no_simple_gait_has(tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("_cma")
+def test_a_search_from_a_gait_keeps_it_until_there_is_a_better_one() -> None:
+    start = SPACE.spread(np.array([0.6, 0.25, 0.5]))
+    (score,) = quadratic([SPACE.choice(start)])
+    began = search(SPACE, quadratic, 1, 1, Log(None, {}), lambda runs, best: True, simple=False, start=start)
+    assert began.best.score == score
+    more = search(SPACE, quadratic, 1, 600, Log(None, {}), lambda runs, best: True, simple=False, start=start)
+    assert more.costs[0] == score.cost
+    assert more.best.score.cost < 0.2 * score.cost
+
+
+@pytest.mark.usefixtures("_cma")
+def test_a_front_has_a_gait_for_each_speed_none_worse_than_a_faster_one(
+    worm3d, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(front, "SIMPLE_RUNS", 28)
+    given = ("optimise", "flat", "--goal", "cost", "--front", "0.03,0.045,9", "--budget", 42, "--out", "front")
+    ended = worm3d(*given)
+    assert ended.code == 0, ended.err
+    rows = [line.split("|")[1:-1] for line in (tmp_path / "front" / "front.md").read_text().splitlines() if "|" in line]
+    fast, slow = ([float(cell) for cell in row[:3]] for row in rows[2:])  # no gait reaches 9 BL/s
+    assert (fast[0], slow[0]) == (0.045, 0.03)
+    assert fast[1] > 0.044
+    assert slow[1] > 0.029
+    assert slow[2] <= 1.02 * fast[2]
+    assert {path.name for path in (tmp_path / "front").glob("[a-z]*")} == {
+        *("front.md", "front.png", "gait_0.03.toml", "gait_0.045.toml")
+    }
+    ended = worm3d(*given[:5], "fast", "--out", "other")
+    assert ended.code == 2
+    assert "--front: got 'fast', must be least speeds in body lengths/s, such as 0.03,0.06,0.1" in ended.err
+
+
+@pytest.mark.usefixtures("_cma")
 def test_a_stopped_search_goes_on_bit_for_bit(tmp_path: Path) -> None:
     whole, counted = found(tmp_path / "whole", budget=500), [0]
 
@@ -189,7 +285,8 @@ def test_a_stopped_search_goes_on_bit_for_bit(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("_cma")
 def test_a_search_without_progress_stops(tmp_path: Path) -> None:
     flat = found(tmp_path / "log", lambda choices: [Score(1.0, -1.0) for _ in choices], budget=2000)
-    assert 0 <= len(flat.costs) - searches.SIMPLE_RUNS - 2 * searches.PATIENCE < 2 * searches.POPULATION
+    starts = 1 + searches.STARTS
+    assert 0 <= len(flat.costs) - searches.SIMPLE_RUNS - starts * searches.PATIENCE < starts * searches.POPULATION
 
 
 def test_the_verdicts_follow_their_rules() -> None:
@@ -238,7 +335,7 @@ def test_the_command_writes_a_gait_that_runs_and_a_card(worm3d, tmp_path: Path) 
         assert words in card
     assert "data:image/png;base64," in (tmp_path / "best" / "card.html").read_text()
     scores = [json.loads(line) for line in (tmp_path / "best" / ".worm3d-search-0.jsonl").read_text().split("\n")[1:-1]]
-    best = max(float(value) for _, value in scores)
+    best = max(float(value) for _, value, _ in scores)
     ran = worm3d("run", "flat", "-o", "gait=best/gait.toml", "-o", "run.duration_s=12", "--out", "again")
     assert ran.code == 0
     summary = json.loads((tmp_path / "again" / "summary.json").read_text())
