@@ -82,7 +82,8 @@ def main(
 ) -> None:
     """Print the errors on held-out states of drawn segments."""
     folder.mkdir(parents=True, exist_ok=True)
-    typer.echo("\n".join(markdown_table(TITLES, [row(seed, states, folder) for seed in seeds or [1, 2, 3, 4]])))
+    for line in markdown_table(TITLES, (row(seed, states, folder) for seed in seeds or [1, 2, 3, 4])):
+        typer.echo(line)
 
 
 if __name__ == "__main__":

@@ -24,9 +24,8 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
-from scenes.studies.law import learned
 from scenes.studies.law.free import Free, States
-from scenes.studies.law.learned import Scales
+from worm3d.physics.segment_laws.learned import Learned
 from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
@@ -38,6 +37,32 @@ FORCE_FLOOR = 0.2
 """Force, as a fraction of the rms force, above which errors of the force count relative to the force."""
 
 ENERGY_WEIGHTS, RADIUS_WEIGHTS = weights_of(ENERGY_SIZES), weights_of(RADIUS_SIZES)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Numbers of a law other than the weights of the networks, (SL5) and (SL6)."""
+
+    rest_length: float
+    """Rest length l0 [m]."""
+    stiffness: float
+    """Stiffness k of both chambers together [N]."""
+    x_mid: float
+    x_half: float
+    y_mid: float
+    y_half: float
+    energy: float
+    """Scale E of the learned energy of a chamber [J]."""
+    radius_mid: float
+    """Radius R_mid [m]."""
+    radius: float
+    """Scale R_scale of the radius [m]."""
+
+    def inputs(self, contraction: Any) -> tuple[dict[str, Any], Any]:
+        """Return the inputs of the methods of `Learned` other than weights, and the commanded rest length."""
+        columns = ca.DM([self.x_mid, self.x_half, self.y_mid, self.y_half, self.energy, self.radius_mid, self.radius])
+        own = {"k": self.stiffness, "l0": self.rest_length, "offset": 0.0, "tau": 0.0, "scales": columns}
+        return own, self.rest_length * (1.0 - contraction)
 
 
 class _OverStates:
@@ -73,7 +98,9 @@ def segment_function(scales: Scales, count: int) -> _OverStates:
     """
     weights = ca.SX.sym("weights", ENERGY_WEIGHTS)
     length, contraction, slope = (ca.SX.sym(name) for name in ("length", "contraction", "slope"))
-    potential = 2.0 * learned.energy(scales, weights, length, contraction)
+    own, commanded = scales.inputs(contraction)
+    (spring,) = Learned.springs({**own, "energy": weights})
+    potential = 2.0 * spring.energy(length, commanded)
     both = ca.vertcat(ca.gradient(potential, length), -ca.gradient(potential, contraction) * slope)
     jacobian = ca.densify(ca.jacobian(both, ca.vertcat(weights, contraction, slope)))
     return _OverStates(ca.Function("segment", [weights, length, contraction, slope], [both, jacobian]), count)
@@ -83,7 +110,8 @@ def segment_function(scales: Scales, count: int) -> _OverStates:
 def radius_function(scales: Scales, count: int) -> _OverStates:
     """Return the function with the radius (SL6) of `count` states, and its Jacobian with respect to the weights."""
     weights, length, contraction = ca.SX.sym("weights", RADIUS_WEIGHTS), ca.SX.sym("length"), ca.SX.sym("contraction")
-    radius = learned.radius(scales, weights, length, contraction)
+    own, commanded = scales.inputs(contraction)
+    radius = Learned.outline({**own, "radius": weights}, length, commanded)[1]
     jacobian = ca.densify(ca.jacobian(radius, weights))
     return _OverStates(ca.Function("radius", [weights, length, contraction], [radius, jacobian]), count)
 

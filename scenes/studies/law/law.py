@@ -15,9 +15,8 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull, Delaunay
 
 from scenes.language.errors import SceneError
-from scenes.studies.law.fitting import Fit, drawn, fit_energy, fit_radius, force_weights, radius_function
+from scenes.studies.law.fitting import Fit, Scales, drawn, fit_energy, fit_radius, force_weights, radius_function
 from scenes.studies.law.free import BoolArray, Free, States, start
-from scenes.studies.law.learned import Scales
 from scenes.studies.law.prepared import EVEN_STEPS, Prepared
 from worm3d.physics.segment_laws.learned import Learned
 from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, weights_of
@@ -37,7 +36,7 @@ penalty is chosen; it is small for states without noise."""
 
 MEMBERS = 4
 """Number of further laws in the ensemble, fitted to parts of the states. Together with a law of all states, their
-medians smooth the law: with two further laws, the error of the shipped barrel in the working band grows by half."""
+medians smooth the law. With half as many, the error in the working band of a barrel is up to a third larger."""
 
 LEFT_OUT = 0.2
 """Fraction of the states that a law of a part does not see. Its errors there choose the penalty."""

@@ -24,6 +24,7 @@ from scenes.studies.law.surface import Spline
 from scenes.studies.law.table import Table
 from worm3d.physics.hysteresis import Hysteresis, Jenkins
 from worm3d.physics.segment_laws.learned import Learned
+from worm3d.physics.segment_laws.network import ENERGY_SIZES
 from worm3d.physics.worm import Worm
 from worm3d.running.segment_law import stretch_segment
 
@@ -124,6 +125,21 @@ def test_a_law_is_close_to_a_membrane_in_closed_form(membrane_law: Law) -> None:
     errors = membrane_law.errors()
     assert errors["held_out"] == 20
     assert errors["force_rms_relative"] < 0.003  # type: ignore[operator]
+
+
+def test_falling_penalties_keep_a_fit_of_few_states_free_of_creases() -> None:
+    """From the same start, a fit with the last penalty alone has an error of 7 % between the states."""
+    truth, rng = Membrane(), np.random.default_rng(0)
+    states = prepared(truth.table(50)).states
+    free = start(states, truth.rest)
+    length, p = (each[200:] for each in truth.points(800))
+    force = truth.force(length, p)
+    for _ in range(2):
+        begin = Fit(law._scales(states, free), fitting.drawn(ENERGY_SIZES, rng), np.zeros(25), free)
+        found = law._path(fitting.fit_energy, begin, states, law.PENALTIES)
+        assert rms(found[-1].force(length, p) - force) < 0.002 * rms(force)
+    alone = fitting.fit_energy(begin, states, law.PENALTIES[-1])
+    assert rms(alone.force(length, p) - force) > 0.02 * rms(force)
 
 
 @pytest.mark.slow
