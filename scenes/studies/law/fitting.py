@@ -24,9 +24,8 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
-from scenes.studies.law import learned
 from scenes.studies.law.free import Free, States
-from scenes.studies.law.learned import Scales
+from worm3d.physics.segment_laws.learned import Learned
 from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, weights_of
 from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
@@ -38,6 +37,32 @@ FORCE_FLOOR = 0.2
 """Force, as a fraction of the rms force, above which errors of the force count relative to the force."""
 
 ENERGY_WEIGHTS, RADIUS_WEIGHTS = weights_of(ENERGY_SIZES), weights_of(RADIUS_SIZES)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Numbers of a law other than the weights of the networks, (SL5) and (SL6)."""
+
+    rest_length: float
+    """Rest length l0 [m]."""
+    stiffness: float
+    """Stiffness k of both chambers together [N]."""
+    x_mid: float
+    x_half: float
+    y_mid: float
+    y_half: float
+    energy: float
+    """Scale E of the learned energy of a chamber [J]."""
+    radius_mid: float
+    """Radius R_mid [m]."""
+    radius: float
+    """Scale R_scale of the radius [m]."""
+
+    def inputs(self, contraction: Any) -> tuple[dict[str, Any], Any]:
+        """Return the inputs of the methods of `Learned` other than weights, and the commanded rest length."""
+        columns = ca.DM([self.x_mid, self.x_half, self.y_mid, self.y_half, self.energy, self.radius_mid, self.radius])
+        own = {"k": self.stiffness, "l0": self.rest_length, "offset": 0.0, "tau": 0.0, "scales": columns}
+        return own, self.rest_length * (1.0 - contraction)
 
 
 class _OverStates:
@@ -73,7 +98,9 @@ def segment_function(scales: Scales, count: int) -> _OverStates:
     """
     weights = ca.SX.sym("weights", ENERGY_WEIGHTS)
     length, contraction, slope = (ca.SX.sym(name) for name in ("length", "contraction", "slope"))
-    potential = 2.0 * learned.energy(scales, weights, length, contraction)
+    own, commanded = scales.inputs(contraction)
+    (spring,) = Learned.springs({**own, "energy": weights})
+    potential = 2.0 * spring.energy(length, commanded)
     both = ca.vertcat(ca.gradient(potential, length), -ca.gradient(potential, contraction) * slope)
     jacobian = ca.densify(ca.jacobian(both, ca.vertcat(weights, contraction, slope)))
     return _OverStates(ca.Function("segment", [weights, length, contraction, slope], [both, jacobian]), count)
@@ -83,7 +110,8 @@ def segment_function(scales: Scales, count: int) -> _OverStates:
 def radius_function(scales: Scales, count: int) -> _OverStates:
     """Return the function with the radius (SL6) of `count` states, and its Jacobian with respect to the weights."""
     weights, length, contraction = ca.SX.sym("weights", RADIUS_WEIGHTS), ca.SX.sym("length"), ca.SX.sym("contraction")
-    radius = learned.radius(scales, weights, length, contraction)
+    own, commanded = scales.inputs(contraction)
+    radius = Learned.outline({**own, "radius": weights}, length, commanded)[1]
     jacobian = ca.densify(ca.jacobian(radius, weights))
     return _OverStates(ca.Function("radius", [weights, length, contraction], [radius, jacobian]), count)
 
@@ -117,11 +145,12 @@ class Fit(ReadOnly):
 
 
 class _EnergyProblem:
-    """Least-squares problem of the energy. The unknowns are the weights, and those of `free` unless it is held."""
+    """Least-squares problem of the energy. The unknowns are the weights, and those of `free`."""
 
-    def __init__(self, scales: Scales, states: States, free: Free, penalty: float, *, holds_free: bool) -> None:
-        self._free, self._holds, self._length = free, holds_free, states.length
-        self._function = segment_function(scales, len(states))
+    def __init__(self, begin: Fit, states: States, penalty: float) -> None:
+        free = begin.free
+        self._begin, self._length = begin, states.length
+        self._function = segment_function(begin.scales, len(states))
         self._basis = free.basis(states.input)
         self._sums = [free.sums(states.input, order) for order in (0, 1)]
         self._force, self._force_weights = states.force, force_weights(states.force)[:, None]
@@ -130,16 +159,17 @@ class _EnergyProblem:
         self._ridge = np.sqrt(penalty * len(states))
         self._at: FloatArray = np.zeros(0)
 
-    def solve(self, weights: FloatArray) -> tuple[float, FloatArray, Free]:
-        """Return the cost per state, the weights, and the functions of the input, from one start."""
-        free = () if self._holds else (self._free.log_steps, self._free.volumes)
-        found = _solved(self.residuals, self.jacobian, np.concatenate([weights, *free]))
-        return float(found.cost) / len(self._force), *self._split(found.x)
+    def solve(self) -> Fit:
+        """Return the best law, from the law at the start."""
+        free = self._begin.free
+        start = np.concatenate([self._begin.energy, free.log_steps, free.volumes])
+        weights, free = self._split(_solved(self.residuals, self.jacobian, start))
+        return replace(self._begin, energy=weights, free=free)
 
     def _split(self, unknowns: FloatArray) -> tuple[FloatArray, Free]:
         weights, rest = unknowns[:ENERGY_WEIGHTS], unknowns[ENERGY_WEIGHTS:]
-        steps = len(self._free.log_steps)
-        return weights, self._free if self._holds else replace(self._free, log_steps=rest[:steps], volumes=rest[steps:])
+        steps = len(self._begin.free.log_steps)
+        return weights, replace(self._begin.free, log_steps=rest[:steps], volumes=rest[steps:])
 
     def _evaluate(self, unknowns: FloatArray) -> tuple[FloatArray, Free]:
         weights, free = self._split(unknowns)
@@ -167,8 +197,6 @@ class _EnergyProblem:
 
     def _rows(self, output: int, free: Free, of_volumes: FloatArray) -> FloatArray:
         of = self._of[:, output]
-        if self._holds:
-            return of[:, :ENERGY_WEIGHTS]
         a, slope = of[:, [ENERGY_WEIGHTS]], of[:, [ENERGY_WEIGHTS + 1]]
         steps = (a * self._sums[0] + slope * self._sums[1]) * np.exp(free.log_steps)
         return np.hstack([of[:, :ENERGY_WEIGHTS], steps, of_volumes[:, : len(free.volumes)]])
@@ -181,47 +209,32 @@ def force_weights(force: FloatArray, rms: float | None = None) -> FloatArray:
     return found
 
 
-def fit_energy(
-    scales: Scales, states: States, free: Free, weights: FloatArray, penalty: float, *, holds_free: bool = False
-) -> tuple[float, FloatArray, Free]:
-    """Return the cost per state, the weights of N_U, and the functions of the input, from one start.
+def fit_energy(begin: Fit, states: States, penalty: float) -> Fit:
+    """Return the law whose energy and functions of the input fit states, from a law at the start.
 
-    Parameters
-    ----------
-    scales : Scales
-    states : States
-    free : Free
-        Functions of the input at the start of the fit.
-    weights : ndarray, shape (67,)
-        Weights at the start.
-    penalty : float
-        Weight of the sum of the squares of all weights, beside the mean square of the relative errors.
-    holds_free : bool
-        Whether `free` stays as it is.
+    The penalty is the weight of the sum of the squares of all weights, beside the mean square of the relative errors.
     """
-    return _EnergyProblem(scales, states, free, penalty, holds_free=holds_free).solve(weights)
+    return _EnergyProblem(begin, states, penalty).solve()
 
 
-def fit_radius(
-    scales: Scales, states: States, free: Free, weights: FloatArray, penalty: float
-) -> tuple[float, FloatArray]:
-    """Return the cost per state and the weights of N_R, shape (25,), from one start; see `fit_energy`."""
-    function, contraction = radius_function(scales, len(states)), free.contraction(states.input)
-    ridge = np.sqrt(penalty * len(states)) * np.eye(RADIUS_WEIGHTS)
+def fit_radius(begin: Fit, states: States, penalty: float) -> Fit:
+    """Return the law whose radius fits states, from a law at the start; see `fit_energy`."""
+    scale, function = begin.scales.radius, radius_function(begin.scales, len(states))
+    contraction, ridge = begin.free.contraction(states.input), np.sqrt(penalty * len(states)) * np.eye(RADIUS_WEIGHTS)
 
     def residuals(at: FloatArray) -> FloatArray:
         radius = function(at, states.length, contraction)[0][:, 0, 0]
-        return np.concatenate([(radius - states.radius) / scales.radius, ridge @ at])
+        return np.concatenate([(radius - states.radius) / scale, ridge @ at])
 
     def jacobian(at: FloatArray) -> FloatArray:
-        return np.vstack([function(at, states.length, contraction)[1][:, 0] / scales.radius, ridge])
+        return np.vstack([function(at, states.length, contraction)[1][:, 0] / scale, ridge])
 
-    found = _solved(residuals, jacobian, weights)
-    return float(found.cost) / len(states), found.x
+    return replace(begin, radius=_solved(residuals, jacobian, begin.radius))
 
 
-def _solved(residuals: Callable[..., FloatArray], jacobian: Callable[..., FloatArray], start: FloatArray) -> Any:
-    return least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=MOST_ITERATIONS, ftol=1e-6, xtol=1e-9)
+def _solved(residuals: Callable[..., FloatArray], jacobian: Callable[..., FloatArray], start: FloatArray) -> FloatArray:
+    found = least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=MOST_ITERATIONS, ftol=1e-4, xtol=1e-9)
+    return np.asarray(found.x)
 
 
 def drawn(sizes: tuple[int, ...], rng: np.random.Generator) -> FloatArray:

@@ -24,6 +24,7 @@ from scenes.studies.law.surface import Spline
 from scenes.studies.law.table import Table
 from worm3d.physics.hysteresis import Hysteresis, Jenkins
 from worm3d.physics.segment_laws.learned import Learned
+from worm3d.physics.segment_laws.network import ENERGY_SIZES
 from worm3d.physics.worm import Worm
 from worm3d.running.segment_law import stretch_segment
 
@@ -94,15 +95,7 @@ def rms(values: np.ndarray) -> float:
 
 def quick(given: Prepared | Table, monkeypatch: pytest.MonkeyPatch, members: int = 1) -> Law:
     """Return a law from few fits."""
-    for name, value in {
-        "PENALTIES": (1e-7,),
-        "PROBES": 1,
-        "RESTARTS": 1,
-        "MEMBERS": members,
-        "MEDIAN_LAWS": members,
-        "MEMBER_LAWS": members,
-        "MEDIAN_POINTS": 200,
-    }.items():
+    for name, value in {"PENALTIES": (1e-5, 1e-7), "MEMBERS": members, "MEDIAN_POINTS": 200}.items():
         monkeypatch.setattr(law, name, value)
     return make(given if isinstance(given, Prepared) else prepared(given), seed=0)
 
@@ -132,6 +125,21 @@ def test_a_law_is_close_to_a_membrane_in_closed_form(membrane_law: Law) -> None:
     errors = membrane_law.errors()
     assert errors["held_out"] == 20
     assert errors["force_rms_relative"] < 0.003  # type: ignore[operator]
+
+
+def test_falling_penalties_keep_a_fit_of_few_states_free_of_creases() -> None:
+    """From the same start, a fit with the last penalty alone has an error of 7 % between the states."""
+    truth, rng = Membrane(), np.random.default_rng(0)
+    states = prepared(truth.table(50)).states
+    free = start(states, truth.rest)
+    length, p = (each[200:] for each in truth.points(800))
+    force = truth.force(length, p)
+    for _ in range(2):
+        begin = Fit(law._scales(states, free), fitting.drawn(ENERGY_SIZES, rng), np.zeros(25), free)
+        found = law._path(fitting.fit_energy, begin, states, law.PENALTIES)
+        assert rms(found[-1].force(length, p) - force) < 0.002 * rms(force)
+    alone = fitting.fit_energy(begin, states, law.PENALTIES[-1])
+    assert rms(alone.force(length, p) - force) > 0.02 * rms(force)
 
 
 @pytest.mark.slow
@@ -171,15 +179,14 @@ def test_forces_are_the_gradient_of_one_energy(membrane_law: Law) -> None:
         assert_allclose(each.volume(free, p), each.free.volume(p), rtol=1e-12)
 
 
-@pytest.mark.parametrize("holds_free", [False, True])
-def test_the_jacobian_against_central_differences(holds_free: bool) -> None:
+def test_the_jacobian_against_central_differences() -> None:
     states = prepared(Membrane().table(60)).states
     free = start(states, 0.06)
     scales = law._scales(states, free)
-    problem = fitting._EnergyProblem(scales, states, free, 1e-3, holds_free=holds_free)
     rng = np.random.default_rng(0)
-    more = () if holds_free else (free.log_steps, free.volumes)
-    at = np.concatenate([rng.standard_normal(67), *more])
+    begin = Fit(scales, rng.standard_normal(67), np.zeros(25), free)
+    problem = fitting._EnergyProblem(begin, states, 1e-3)
+    at = np.concatenate([begin.energy, free.log_steps, free.volumes])
     jacobian = problem.jacobian(at)
     for k in range(len(at)):
         step = np.zeros(len(at))
