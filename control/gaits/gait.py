@@ -197,7 +197,7 @@ def require_amplitude(amplitude: float, stroke: tuple[float, float]) -> None:
         what = "lengthen" if amplitude < 0.0 else "contract"
         raise ValueError(
             f"amplitude: got {amplitude!r}, must be at {'least' if amplitude < 0.0 else 'most'} {end!r}, the worm's "
-            f"stroke: its chambers {what} no further"
+            f"stroke: its chambers {what} no further; lower the amplitude, or take a worm with a larger stroke"
         )
 
 

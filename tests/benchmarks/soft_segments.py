@@ -7,7 +7,8 @@ with other seeds. There are two comparisons:
 
 * In 3D, with the same worm whose energy and radius interpolate thousands of states (`interpolated_law.py`) and whose
   bending follows hundreds of bent states. Ingredients of the law are exchanged one by one.
-* On a line, at a slow period, with a chain of axisymmetric finite elements without a law (`soft_chain.py`).
+* On a line, at a slow period, with a chain of axisymmetric finite elements without a law (`soft_chain.py`), on stiff
+  contacts, and on the contact of a wall that flat ground presses.
 
 The program prints Markdown. Tables of finite elements are kept in the folder and read by the next run.
 """
@@ -36,10 +37,11 @@ from interpolated_law import (
     energy_and_radius,
     of_learned,
 )
+from scipy.constants import g
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
-from soft_chain import Drive, FiniteElements, Ground, OfLaw, Walk, walk
+from soft_chain import Contact, Elastic, FiniteElements, Ground, OfLaw, Segments, Stand, Walk, walk
 
 import worm3d
 from control import gaits
@@ -50,6 +52,8 @@ from scenes.studies.law import table as tables
 from scenes.studies.law.free import States
 from scenes.studies.law.prepared import Prepared, prepared
 from worm3d.fem.axisymmetric import Wall
+from worm3d.fem.table import POINTS_OF_A_SEGMENT
+from worm3d.physics.friction import ContactConstants
 from worm3d.values.arrays import FloatArray
 
 SHIPPED = "barrel.json"
@@ -74,9 +78,6 @@ DISTANCE_BAR, TURN_BAR_DEG = 0.02, 0.7
 HELD_OUT, HULL = 0.1, 0.02
 """Share of the inner states that is held out for the error of the interpolation, and distance of inner states from the
 hull, over half of the ranges. Splines do not extrapolate."""
-
-BELOW = [0, 3]
-"""Indices of the apexes below the axis."""
 
 SLOW_PERIOD, CHAIN_STEPS, CHAIN_WAVES = 20.0, 50, 2
 """Period of the chain [s], its steps per wave, and its waves, of which the last is measured."""
@@ -138,7 +139,7 @@ def main(
     folder.mkdir(parents=True, exist_ok=True)
     shipped = worm3d.Learned(SHIPPED)
     with _timed("finite elements"):
-        straight, curve = soft_tables.dense(folder, states), soft_tables.free(folder)
+        straight, curve = soft_tables.straight(folder, states), soft_tables.free(folder)
         curved = soft_tables.bent(folder, curve, bent)
     with _timed("interpolation"):
         splines = energy_and_radius(shipped.law, straight, curve)
@@ -304,18 +305,22 @@ def time_steps(segments: Mapping[str, worm3d.Learned]) -> Iterator[str]:
 
 
 def chains(learned: worm3d.Learned) -> Iterator[str]:
-    """Yield the comparison of chains and of the 3D worm at a slow period."""
-    drive, ground, worm = _plant(learned)
-    segment, count = OfLaw(learned), drive.pressure.shape[1]
-    joints = learned.law.rest_length * np.arange(count + 1)
-    of_law = walk(segment, joints, drive, ground)
-    elements = FiniteElements(Wall(load(soft_tables.SEGMENT)), count)
-    exact = walk(elements, joints, drive, ground, of_law)
-    answers = [segment.at(*each) for each in zip(worm.length, drive.pressure, strict=True)]
-    worm = worm._replace(force=np.array([each.force for each in answers]))
-    rows = [
-        _chain_row(name, each, exact) for name, each in (("finite elements", exact), ("law", of_law), ("3D worm", worm))
-    ]
+    """Yield the comparison of chains and of the 3D worm at a slow period, with stiff contacts and with soft ones."""
+    law, (point, patch) = learned.law, soft_tables.patch()
+    stiff, soft = _slow(learned, None), _slow(learned, point)
+    fine = np.linspace(0.0, law.value[-1], 20001)
+    pressure = np.interp(stiff.contraction.mean(axis=2)[1:], CubicSpline(law.value, law.contraction)(fine), fine)
+    rigid = float(ContactConstants.of(stiff.worm, worm3d.Friction(), g).stiffness[0])
+    elements, rows = FiniteElements(Wall(load(soft_tables.SEGMENT)), pressure.shape[1]), []
+    for name, exact, constant, worm in (
+        ("stiff", Elastic(POINTS_OF_A_SEGMENT * rigid), rigid, stiff),
+        ("soft", patch, point, soft),
+    ):
+        contacts = {"law": exact, f"law, {constant:.3g} N/m": Elastic(POINTS_OF_A_SEGMENT * constant)}
+        walks = {each: _walk(OfLaw(learned), learned, stiff, pressure, contact) for each, contact in contacts.items()}
+        reference = _walk(elements, learned, stiff, pressure, exact, walks["law"])
+        walks = {"finite elements": reference, **walks, "3D worm": _of_worm(learned, worm, pressure)}
+        rows += [_chain_row(f"{name}, {each}", found, reference) for each, found in walks.items()]
     yield from markdown_table(CHAIN_COLUMNS, rows)
     yield ""
     yield f"{elements.solutions} solutions of a segment by finite elements."
@@ -330,6 +335,7 @@ CHAIN_COLUMNS = (
     "length rms [mm]",
     "radius rms [mm]",
     "radius peak [mm]",
+    "load rms [N]",
 )
 
 
@@ -337,43 +343,55 @@ def _chain_row(name: str, found: Walk, exact: Walk) -> tuple[str, ...]:
     """Return the row of a chain in the last wave, with differences from finite elements."""
     last = slice(-CHAIN_STEPS, None)
     moved = found.joints[-1].mean() - found.joints[-1 - CHAIN_STEPS].mean()
-    force, length, radius = (
-        getattr(found, what)[last] - getattr(exact, what)[last] for what in ("force", "length", "radius")
+    force, length, radius, load = (
+        getattr(found, what)[last] - getattr(exact, what)[last] for what in ("force", "length", "radius", "load")
     )
     size = _rms(exact.force[last])
     numbers = (_rms(found.force[last]), _rms(force), 100 * _rms(force) / size)
     widths = (1e3 * _rms(length), 1e3 * _rms(radius), 1e3 * float(np.abs(radius).max()))
-    return name, f"{1e3 * moved:.2f}", *(f"{each:.4f}" for each in numbers), *(f"{each:.3f}" for each in widths)
+    texts = (*(f"{each:.4f}" for each in numbers), *(f"{each:.3f}" for each in widths), f"{_rms(load):.4f}")
+    return name, f"{1e3 * moved:.2f}", *texts
 
 
-def _plant(learned: worm3d.Learned) -> tuple[Drive, Ground, Walk]:
-    """Return the drive of the chain from a run of the 3D worm, and the worm as a chain, without forces.
+def _slow(learned: worm3d.Learned, stiffness: float | None) -> worm3d.Result:
+    """Return a run of the 3D worm with contacts of this stiffness [N/m], or with the default.
 
-    The chain has neither dampers nor a static friction above the kinetic one, and so has this worm.
+    The chain has neither dampers nor a static friction above the kinetic one, and does not roll. So does this worm.
     """
-    friction, every = worm3d.Friction(static_ratio=1.0), round(SLOW_PERIOD / CHAIN_STEPS / DT)
-    result = worm3d.simulate(
+    return worm3d.simulate(
         worm3d.Worm(segment=learned, kelvin_voigt_time=0.0),
         worm3d.Plane(),
-        friction,
+        worm3d.Friction(static_ratio=1.0, contact_stiffness=stiffness),
         actuation=_wave(period=SLOW_PERIOD),
         duration=CHAIN_WAVES * SLOW_PERIOD,
         dt=DT,
-        record_every=every,
+        record_every=round(SLOW_PERIOD / CHAIN_STEPS / DT),
+        held=worm3d.Held(roll=True),
     )
-    law, fine = learned.law, np.linspace(0.0, learned.law.value[-1], 20001)
-    pressure = np.interp(result.contraction.mean(axis=2)[1:], CubicSpline(law.value, law.contraction)(fine), fine)
-    load = np.hstack([result.normal_load.sum(axis=2), result.end_load])[1:]
-    joints = result.joints[:, :, 0]
-    below = result.apexes[:, :, BELOW, 0].mean(axis=2) - (joints[:, 1:] + joints[:, :-1]) / 2.0
-    tilting = np.hstack([np.diff(below, axis=0), np.zeros((len(pressure), 2))])
+
+
+def _walk(
+    segments: Segments,
+    learned: worm3d.Learned,
+    result: worm3d.Result,
+    pressure: FloatArray,
+    contact: Contact,
+    guess: Walk | None = None,
+) -> Walk:
+    """Return the path of a chain with the weights, joints and friction of the worm of a run."""
+    worm, friction = result.worm, worm3d.Friction()
+    apexes = worm.apex_mass.sum(axis=1) / 2.0
+    stand = Stand(g * (worm.joint_mass + np.append(apexes, 0.0) + np.append(0.0, apexes)), worm.k_torsion[0], contact)
+    ground = Ground(friction.forward, friction.backward, learned.law.chamber_offset, stand)
+    return walk(segments, learned.law.rest_length * np.arange(worm.segments + 1), pressure, ground, guess)
+
+
+def _of_worm(learned: worm3d.Learned, result: worm3d.Result, pressure: FloatArray) -> Walk:
+    """Return the path of the 3D worm, with the forces of the law."""
     length, contraction = (each.mean(axis=2)[1:] for each in (result.chamber_length, result.contraction))
-    ground = Ground(friction.forward, friction.backward, law.chamber_offset)
-    return (
-        Drive(pressure, load, tilting),
-        ground,
-        Walk(joints[1:], np.zeros_like(length), law.radius_at(length, contraction), length),
-    )
+    force = np.array([OfLaw(learned).at(*each).force for each in zip(length, pressure, strict=True)])
+    radius, load = learned.law.radius_at(length, contraction), result.normal_load.sum(axis=2)[1:]
+    return Walk(result.joints[1:, :, 0], force, radius, length, load)
 
 
 if __name__ == "__main__":

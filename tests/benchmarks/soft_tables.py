@@ -1,6 +1,7 @@
-"""Tables of finite elements for `soft_segments.py`: dense straight states, free states, and bent states of the barrel.
+"""Tables of finite elements for `soft_segments.py`: dense and compressed straight states, free and bent states.
 
-Each table is computed once and kept in a folder. The dense table takes 10 to 20 minutes, the bent states take 5 to 10.
+Each table is computed once and kept in a folder. The dense table takes 10 to 20 minutes, the bent states take 5 to 10,
+and the compressed states 2.
 """
 
 from __future__ import annotations
@@ -10,16 +11,18 @@ from pathlib import Path
 import numpy as np
 from interpolated_law import Bent, FreeCurve
 from scipy.interpolate import CubicSpline
+from scipy.io import netcdf_file
+from soft_chain import Patch
 
 from scenes.records.folder import written_whole
-from scenes.studies.fem.command import load
+from scenes.studies.fem.command import DATA, load
 from scenes.studies.law import table as tables
 from scenes.studies.law.free import States
 from scenes.studies.law.prepared import prepared
 from worm3d.fem import table
 from worm3d.fem.axisymmetric import Wall, rest
 from worm3d.fem.bending import bent_states
-from worm3d.fem.sweep import free_length, sweep
+from worm3d.fem.sweep import Domain, free_length, reached, sweep
 from worm3d.values.arrays import FloatArray
 
 SEGMENT = "barrel"
@@ -28,8 +31,13 @@ SEGMENT = "barrel"
 FREE_PRESSURES = 91
 """Number of pressures with a state without axial force. Half as many change a(p) by up to 4e-5."""
 
-STRAINS, BENDS = (-0.06, 0.06), (0.1, 0.2, 0.3, 0.45)
-"""Strains, as l/l_free = 1 - strain, and bends [rad] of bent states: the worms of `soft_segments.py` stay within."""
+STRAINS, BENDS = (-0.085, 0.095), (0.1, 0.2, 0.3, 0.45)
+"""Strains, as l/l_free = 1 - strain, and bends [rad] of bent states: the worms of `soft_segments.py` stay within, or
+beyond by 0.001."""
+
+COMPRESSIONS, COMPRESSED_PRESSURES = (0.04, 0.055, 0.065, 0.075, 0.085, 0.095, 0.105, 0.115, 0.125), 31
+"""Strains of compressed straight states, and number of their pressures, which are closer at small pressures. The dense
+table ends at strains of 0.06 to 0.08. Worms that turn compress their chambers by up to 0.096."""
 
 MOST_FORCE = 8.0
 """Greatest force of bent states [N]. Worms have smaller ones, and taut walls bend in another way."""
@@ -70,6 +78,32 @@ def free(folder: Path) -> FreeCurve:
     return FreeCurve(CubicSpline(pressure, contraction), CubicSpline(pressure, volume))
 
 
+def compressed(folder: Path) -> States:
+    """Return stable straight states below the lengths of the dense table, each from the state before it."""
+    path, segment = folder / "compressed.csv", load(SEGMENT)
+    if not path.exists():
+        free, rows, rest_length = rest(Wall(segment)), [], segment.rest_length
+        domain = Domain((0.6 * rest_length, 1.1 * rest_length), segment.load.values)
+        for part in np.linspace(0.0, 1.0, COMPRESSED_PRESSURES):
+            found = free_length(free, float(part**2 * segment.load.values[1]))
+            if found is None:
+                raise ArithmeticError(f"no state without axial force at {100 * part**2:.3g} % of the greatest pressure")
+            state = free = found
+            for strain in COMPRESSIONS:
+                state = reached(state, free.length * (1.0 - strain), free.input, domain).state
+                if state.unstable_directions == 0:
+                    rows.append((state.length, state.input, state.force, state.radius, state.volume))
+        header = "length_m,pressure_Pa,force_N,radius_m,volume_m3"
+        np.savetxt(path, rows, delimiter=",", header=header, comments="")
+    return States(*_read(path))
+
+
+def straight(folder: Path, count: int) -> States:
+    """Return the states of `dense`, then those of `compressed`."""
+    tables = [vars(each) for each in (dense(folder, count), compressed(folder))]
+    return States(**{name: np.concatenate([each[name] for each in tables]) for name in tables[0]})
+
+
 def bent(folder: Path, curve: FreeCurve, count: int) -> Bent:
     """Return bent states about the free lengths."""
     path, segment = folder / "bent.csv", load(SEGMENT)
@@ -86,6 +120,15 @@ def bent(folder: Path, curve: FreeCurve, count: int) -> Bent:
     length, pressure, bend, force, moment = _read(path)
     every = Bent(length, curve.contraction(pressure), bend, force, moment)
     return every.part(force < MOST_FORCE)
+
+
+def patch() -> tuple[float, Patch]:
+    """Return the stiffness of a contact point [N/m], and the contact of a segment, of the shipped table."""
+    with netcdf_file(DATA / f"{SEGMENT}.nc", mmap=False) as file:
+        columns = {name: np.array(each[:]) for name, each in file.variables.items() if name.startswith(table.PRESSED)}
+    stiffness = table.contact_stiffness(columns)
+    assert stiffness is not None
+    return stiffness, Patch(*(columns[f"{table.PRESSED}{name}"] for name in ("pressure_Pa", "indentation_m", "load_N")))
 
 
 def _read(path: Path) -> FloatArray:

@@ -1,11 +1,14 @@
-"""Splines and chain of the benchmark of soft segments: against SciPy, the shipped law, and a walk in closed form."""
+"""Splines and chain of the benchmark of soft segments: against SciPy, the shipped law, and closed forms."""
 
 import casadi as ca
 import numpy as np
+import soft_tables
 from interpolated_law import GRIDS, Bent, Interpolated, Points, bending, of_learned
 from numpy.testing import assert_allclose
-from soft_chain import Answer, Drive, Ground, OfLaw, walk
+from scipy.io import netcdf_file
+from soft_chain import Answer, Elastic, Ground, OfLaw, Stand, Support, walk
 
+from scenes.studies.fem.command import DATA
 from worm3d import Learned, Worm
 from worm3d.physics.segment_laws.law import SEGMENT_LAWS, columns_of
 from worm3d.values.arrays import FloatArray
@@ -82,20 +85,29 @@ class Springs:
         return Answer(1e3 * (length - 0.1 + 1e-3 * pressure), 1e3 * one, 0.05 * one, 0.0 * one)
 
 
-def test_inchworm_walks_by_its_stroke_less_the_stretch_of_friction() -> None:
-    """One spring with contacts at its ends: the tail slides while it shortens, the head while it lengthens.
+class Given:
+    """Given loads of segments without slopes."""
 
-    Friction of the tail stretches the spring by mu_f load/k while it shortens. Friction of the head presses it together
-    by as much while it lengthens. The stroke of 10 mm loses both.
+    def __init__(self, *load: float) -> None:
+        self.support = Support(np.array(load), np.zeros((len(load),) * 2), np.zeros(len(load)))
+
+    def at(self, height: FloatArray, length: FloatArray, pressure: FloatArray) -> Support:
+        return self.support
+
+
+def test_inchworm_walks_by_its_stroke_less_the_stretch_of_friction() -> None:
+    """Of three springs, the middle one works. The tail slides while it shortens, the head while it lengthens.
+
+    Friction of the tail stretches the middle spring by f/k, f = mu_f load, and half of each end spring by f/(4 k) while
+    it shortens. Friction of the head presses them together by as much while it lengthens. The stroke of 10 mm loses
+    both.
     """
-    cycles = np.tile([10.0, 0.0], 3)[:, None]
-    load = np.tile([0.0, 2.0, 2.0], (6, 1))
-    ground = Ground(0.05, 0.4, 0.03)
-    found = walk(Springs(), np.array([0.0, 0.1]), Drive(cycles, load, np.zeros((6, 3))), ground)
+    cycles = np.tile([[0.0, 10.0, 0.0], [0.0, 0.0, 0.0]], (3, 1))
+    found = walk(Springs(), np.linspace(0.0, 0.3, 4), cycles, Ground(0.05, 0.4, 0.03, Given(2.0, 0.0, 2.0)))
     stretch = 0.05 * 2.0 / 1e3
-    assert_allclose(found.force[:, 0], np.tile([0.1, -0.1], 3), atol=1e-4)
-    assert_allclose(found.length[:, 0], np.tile([0.09 + stretch, 0.1 - stretch], 3), atol=1e-7)
-    assert_allclose(np.diff(found.joints[1::2].mean(axis=1)), 0.01 - 2.0 * stretch, atol=1e-6)
+    assert_allclose(found.force, np.tile([[0.05, 0.1, 0.05], [-0.05, -0.1, -0.05]], (3, 1)), atol=1e-4)
+    assert_allclose(found.length[:, 1], np.tile([0.09 + stretch, 0.1 - stretch], 3), atol=1e-7)
+    assert_allclose(np.diff(found.joints[1::2].mean(axis=1)), 0.01 - 3.0 * stretch, atol=1e-6)
 
 
 def test_a_load_lengthens_a_segment_that_becomes_narrower() -> None:
@@ -105,6 +117,35 @@ def test_a_load_lengthens_a_segment_that_becomes_narrower() -> None:
         def at(self, length: FloatArray, pressure: FloatArray) -> Answer:
             return super().at(length, pressure)._replace(widening=np.full(1, -0.5))
 
-    drive = Drive(np.zeros((1, 1)), np.array([[2.0, 0.0, 0.0]]), np.zeros((1, 3)))
-    found = walk(Narrowing(), np.array([0.0, 0.1]), drive, Ground(0.0, 1e-9, 0.03))
+    found = walk(Narrowing(), np.array([0.0, 0.1]), np.zeros((1, 1)), Ground(0.0, 1e-9, 0.03, Given(2.0)))
     assert_allclose(found.force[0, 0], 2.0 * 0.5 * 0.05 / 0.04, rtol=1e-4)
+
+
+def test_stiff_beam_stands_on_all_segments_and_a_taller_one_bears_more() -> None:
+    """Loads K d and K (d + 1 mm) of a straight beam; without the taller one, loads are the weight over three.
+
+    The stiffness is compared with finite differences, for a beam that bends.
+    """
+    weight, length, inside = np.array([0.1, 0.2, 0.2, 0.1]), np.full(3, 0.1), np.zeros(3)
+    stiff = Stand(weight, 1e4, Elastic(100.0))
+    height = np.array([0.05, 0.051, 0.05])
+    assert_allclose(stiff.at(np.full(3, 0.05), length, inside).load, 0.2, rtol=1e-4)
+    assert_allclose(stiff.at(height, length, inside).load, 0.2 + 0.1 * np.array([-1.0, 2.0, -1.0]) / 3.0, rtol=1e-3)
+    soft = Stand(weight, 0.1, Elastic(100.0))
+    moved = [soft.at(height + sign * np.eye(3)[0] * 1e-6, length, inside).load for sign in (1.0, -1.0)]
+    assert_allclose((moved[0] - moved[1]) / 2e-6, soft.at(height, length, inside).stiffness[:, 0], rtol=1e-6)
+    assert_allclose(soft.at(height, length, inside).load.sum(), weight.sum(), rtol=1e-8)
+
+
+def test_patch_passes_through_the_shipped_table() -> None:
+    """All rows, and the derivative between rows and pressures against finite differences; nothing without touch."""
+    _, patch = soft_tables.patch()
+    with netcdf_file(DATA / "barrel.nc", mmap=False) as file:
+        pressure, way, load = (
+            file.variables[f"pressed_{name}"][:] for name in ("pressure_Pa", "indentation_m", "load_N")
+        )
+    assert_allclose(patch.at(way, pressure)[0], load, rtol=1e-9)
+    between, at = np.linspace(2e-4, 4e-3, 7), np.linspace(300.0, 4400.0, 7)
+    moved = [patch.at(between * (1.0 + sign * 1e-6), at)[0] for sign in (1.0, -1.0)]
+    assert_allclose((moved[0] - moved[1]) / (2e-6 * between), patch.at(between, at)[1], rtol=1e-6)
+    assert patch.at(np.array([-1e-4]), np.array([900.0]))[0] == 0.0

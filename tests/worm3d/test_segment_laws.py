@@ -253,15 +253,50 @@ def test_the_greatest_length_depends_on_the_contraction(law: Learned, tmp_path: 
     assert pulled(region, 0.1).chamber_length.max() > most
 
 
+def test_a_start_has_lengths_of_the_domain_at_its_contraction(tmp_path: Path) -> None:
+    """At 1.1 rest lengths, a worm may have the contraction 0.225, and not 0.45."""
+    worm = Worm(segment=Learned(str(learned_laws.written(tmp_path, with_region(CONTENT)))))
+    joints = State.straight(worm, None).joints * [1.1, 1.0, 1.0]
+    for contraction in (0.225, 0.45):
+        state = State(joints=joints, contraction=np.full((6, 2), contraction))
+        if contraction == 0.225:
+            assert simulate(worm, None, state=state, duration=0.01, gravity=(0, 0, 0)).status is Status.DONE
+            continue
+        sentence = (
+            r"state: the left chamber of segment 0 is 0.1833 m long, must lie between .* and 0.1667 m at its contr"
+        )
+        with pytest.raises(worm3d.StateError, match=sentence):
+            simulate(worm, None, state=state, duration=0.01, gravity=(0, 0, 0))
+
+
+def test_a_law_that_cannot_bear_the_worm_is_refused() -> None:
+    """The mesh bears hardly any weight at its greatest length. The sentence says how light the worm must be."""
+    mesh, plane, sentence = (
+        Learned("mesh_segment.json"),
+        Plane(),
+        r"pressed flat: .*, or its chambers more contracted at",
+    )
+    with pytest.raises(worm3d.LimitPointError, match=sentence) as error:
+        simulate(Worm(segment=mesh, mass=1.0), plane, duration=0.01)
+    lightest = float(str(error.value).split("lighter than ")[1].split(" kg")[0])
+    with pytest.raises(worm3d.LimitPointError):
+        simulate(Worm(segment=mesh, mass=1.01 * lightest), plane, duration=0.01)
+    assert simulate(Worm(segment=mesh, mass=0.94 * lightest), plane, duration=0.01).status is Status.DONE
+    worm = Worm(segment=mesh, mass=1.0)
+    state = State.straight(worm, plane, contraction=0.05)
+    assert simulate(worm, plane, state=state, duration=0.01).status is Status.DONE
+
+
 def test_both_guards_interpolate_between_the_bounds(tmp_path: Path) -> None:
     path = learned_laws.written(tmp_path, with_region(CONTENT))
-    own = linkage.Learned.read(path)
+    own, worm = linkage.Learned.read(path), Worm(segment=Learned(str(path)))
     rng, l0 = np.random.default_rng(0), learned_laws.L0
     region = np.array([[1.0 - learned_laws.MOST], [1.0]] + [[0.5]] * 3 + [[h] for h in HEIGHTS]) * l0
     for a in (0.0, 0.225, learned_laws.MOST, *rng.uniform(0.0, learned_laws.MOST, 50)):
         low, high = guard._bounds(region, 0, l0 * (1.0 - a))
         wanted = l0 * np.interp(a, [0.0, 0.225, 0.45], HEIGHTS)
         assert_allclose((low, high), (0.5 * l0, wanted), rtol=1e-14)
+        assert_allclose(np.ravel(worm.segment.possible(worm, np.full((6, 1), a)))[::6], (low, high), rtol=1e-9)
         for length, inside in ((high * (1.0 - 1e-6), True), (high * (1.0 + 1e-6), False), (0.499 * l0, False)):
             assert own.contains(np.array([length]), np.array([a])) is inside
 
@@ -462,6 +497,10 @@ def test_the_force_of_a_stretched_segment_is_the_slope_of_the_energy(law: Learne
     assert_allclose(np.cumsum(found.elastic), energy(length) - energy(length[:1]), rtol=0, atol=1e-13)
     with pytest.raises(ValueError, match=r"must be above 0.0833333 and below 0.2 m, the domain of the segment law"):
         worm3d.stretch_segment(worm, [0.15, 0.3], [0.0, 1.0])
+    with pytest.raises(
+        ValueError, match=r"above 0.143333 and below 0.17 m, the domain .* without an input, 0; stay with"
+    ):
+        worm3d.stretch_segment(Worm(segment=Learned("barrel.json")), [0.16, 0.125], [0.0, 1.0])
 
 
 def test_factors_scale_the_forces_of_chambers_and_the_moment_of_a_bend() -> None:

@@ -55,8 +55,8 @@ def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     worm : Worm
         The actuator must be `FirstOrder`, which has no effect here.
     length : array_like, shape (T,)
-        Distance of the joints at each instant, for which the segment law has a shape [m]. With a rhombus the distance
-        is above 0 and below twice the length of the links.
+        Distance of the joints at each instant, for which the segment law has a shape at the contraction without an
+        input [m]. With a rhombus the distance is above 0 and below twice the length of the links.
     time : array_like, shape (T,)
         Increasing times [s].
 
@@ -69,12 +69,14 @@ def stretch_segment(worm: Worm, length: ArrayLike, time: ArrayLike) -> Stretch:
     lengths, times = arguments.floats("length", length), arguments.floats("time", time)
     if lengths.ndim != 1 or len(lengths) < 2 or lengths.shape != times.shape:
         raise ValueError(f"length: got shape {lengths.shape}, must be (T,) as time, {times.shape}, with T at least 2")
-    (low, *_), (high, *_), why = worm.segment.possible(worm)
+    law, free = worm.segment, worm.segment.passive_contraction
+    low, high = (float(each[0, 0]) for each in law.possible(worm, np.full((worm.segments, 1), free)))
     room = 0.0 if worm.segment.has_links else DOMAIN_ROUNDING * worm.l0
     if not ((lengths > max(low - room, 0.0)) & (lengths < high + room)).all():
         raise ValueError(
             f"length: got {lengths.min():.6g} to {lengths.max():.6g} m, must be above {low:.6g} and below "
-            f"{high:.6g} m, {why}"
+            f"{high:.6g} m, {law.bounded_by} at the contraction without an input, {free:.4g}; stay within these "
+            "lengths, or use a law with more states there"
         )
     if not ((np.diff(times) > 0.0).all() and np.isfinite(times).all()):
         raise ValueError("time: must be finite and ascend")

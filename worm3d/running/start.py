@@ -13,9 +13,9 @@ from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.worm import Worm
 from worm3d.recorded.state import State, StateError
 from worm3d.recorded.status import Status
-from worm3d.running.plant import SUNK_DEPTH, Plant
+from worm3d.running.plant import DOMAIN_ROUNDING, SUNK_DEPTH, Plant
 from worm3d.running.problem import Problem
-from worm3d.solver.guard import OK
+from worm3d.solver.guard import CHAMBER_SIDES, OK
 from worm3d.solver.pose import settle as settle_core
 from worm3d.values.arrays import FloatArray
 from worm3d.worlds import World
@@ -110,38 +110,60 @@ def carried_weight(worm: Worm, gravity: float) -> FloatArray:
     return load
 
 
-def require_equilibrium(worm: Worm, gravity: float) -> None:
+def require_equilibrium(worm: Worm, gravity: float, contraction: FloatArray | float = 0.0) -> None:
     """Raise LimitPointError if the chambers together cannot carry the weight of the worm.
 
-    This check is for a worm without commands. Commands that lengthen the chambers reduce the weight that they can carry
-    (`flattening_weight`), and a wave may put the weight on few segments. If chambers are flattened then, the run ends
-    with the status FLATTENED.
+    This check is for a worm at the start, where its chambers have a `contraction` of shape (N, 2). Commands that
+    lengthen the chambers reduce the weight that they can carry (`flattening_weight`), and a wave may put the weight on
+    few segments. If chambers are flattened then, the run ends with the status FLATTENED.
     """
-    load, limit = carried_weight(worm, gravity), flattening_weight(worm)
+    kinds, which = np.unique(np.broadcast_to(contraction, (worm.segments, 2)).mean(axis=1), return_inverse=True)
+    limits = np.array([flattening_weight(worm, float(each)) for each in kinds])
+    load, limit = carried_weight(worm, gravity), limits[which, np.arange(worm.segments)]
     if load.sum() >= limit.sum():
         i, carried = int(np.argmax(load / limit)), gravity * float(worm.load_mass.sum())
         room = (limit.sum() - carried) / (load.sum() - carried)
         lighter = f"make the worm lighter than {worm.mass * room:.3g} kg, or" if room > 0.0 else "carry less, or make"
         raise LimitPointError(
             f"segment {i} would be pressed flat: it carries {load[i]:.3g} N, its limit point is {limit[i]:.3g} N; "
-            f"{lighter} k_spring or half_height larger"
+            f"{lighter} {worm.segment.bears_more}"
         )
 
 
 def require_shape(worm: Worm, state: State) -> None:
-    """Raise StateError if a state does not fit the worm."""
+    """Raise StateError if a state does not fit the worm: the number of segments, and lengths at any contraction."""
     if state.segments != worm.segments:
         raise StateError(f"state: got {state.segments} segments, the worm has {worm.segments}")
-    length = np.linalg.norm(np.diff(state.joints, axis=0), axis=1)
-    chambers = length[:, None] + worm.chamber_offset * np.abs(state.bend)[:, None] * [-1.0, 1.0]
-    low, high, why = worm.segment.possible(worm)
-    wrong = ~((chambers > low[:, None]) & (chambers < high[:, None])).all(axis=1)
+    low, high = worm.segment.possible(worm)
+    chambers = _chambers(worm, state)
+    wrong = ~((chambers > low) & (chambers < high)).all(axis=1)
     if wrong.any():
         i = int(np.argmax(wrong))
         raise StateError(
             f"state: the chambers of segment {i} are {chambers[i].min():.4g} and {chambers[i].max():.4g} m long, must "
-            f"lie between {low[i]:.4g} and {high[i]:.4g} m, {why}"
+            f"lie between {low[i, 0]:.4g} and {high[i, 0]:.4g} m, {worm.segment.bounded_by}"
         )
+
+
+def require_domain(worm: Worm, state: State) -> None:
+    """Raise StateError if a chamber of a state has a length that its segment law does not have at its contraction."""
+    (low, high), chambers = worm.segment.possible(worm, state.contraction), _chambers(worm, state)
+    room = DOMAIN_ROUNDING * worm.l0
+    wrong = ~((chambers > low - room) & (chambers < high + room))
+    if wrong.any():
+        i, side = np.argwhere(wrong)[0]
+        raise StateError(
+            f"state: the {CHAMBER_SIDES[side]} chamber of segment {i} is {chambers[i, side]:.4g} m long, must lie "
+            f"between {low[i, side]:.4g} and {high[i, side]:.4g} m at its contraction of "
+            f"{state.contraction[i, side]:.4g}, {worm.segment.bounded_by}; change one of them, or let the worm settle"
+        )
+
+
+def _chambers(worm: Worm, state: State) -> FloatArray:
+    """Return the lengths of the chambers [left, right] of a state, shape (N, 2) [m]."""
+    length = np.linalg.norm(np.diff(state.joints, axis=0), axis=1)
+    found: FloatArray = length[:, None] + np.outer(worm.chamber_offset * state.bend, [-1.0, 1.0])
+    return found
 
 
 def require_felt(worm: Worm, world: World | None) -> None:
@@ -266,7 +288,7 @@ def place(problem: Problem, settling: Settling = settle) -> Placed:
     require_felt(worm, world)
     if settles(world, gravity):
         assert world is not None
-        require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
+        require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))), start.contraction)
     plant = Plant(worm, world, problem.friction, gravity, problem.held_mask)
     plant.set_pose(start)
     require_clear(plant, SUNK_DEPTH if start.memory else OVERLAP)
@@ -276,6 +298,8 @@ def place(problem: Problem, settling: Settling = settle) -> Placed:
         status, reason = _come_to_rest(plant, problem, start, settling)
         moved = float(np.linalg.norm(plant.arrays["joints"][:3, : plant.n + 1].T - start.joints, axis=1).max())
         return Placed(plant, start, status, moved if status is Status.DONE else None, reason)
+    else:
+        require_domain(worm, start)
     return Placed(plant, start, Status.DONE, None)
 
 

@@ -158,8 +158,8 @@ def _along_law(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> Hoop:
     from scipy.interpolate import CubicSpline
 
     law, free = worm.segment, worm.segment.passive_contraction
-    low, high, why = law.possible(worm)
-    lengths = np.geomspace(max(low[0], SHORTEST * worm.l0), high[0], LAW_LENGTHS)
+    low, high = (float(each[0, 0]) for each in law.possible(worm, np.full((worm.segments, 1), free)))
+    lengths = np.geomspace(max(low, SHORTEST * worm.l0), high, LAW_LENGTHS)
     rest = np.clip(worm.l0 * (1.0 - free), lengths[0], lengths[-1])
     height, at_rest = (law.outlines(worm, each[None], np.array(free))[0][0] for each in (lengths, np.array([rest])))
     taken = 2.0 * per_diameter * (at_rest - height)
@@ -168,7 +168,7 @@ def _along_law(worm: PlantWorm, cable: FloatArray, per_diameter: float) -> Hoop:
     if not ((np.diff(taken) > 0.0).all() and cable.min() >= least - room and cable.max() <= most + room):
         raise ValueError(
             f"the cable is taken in by {cable.min():.4g} to {cable.max():.4g} m, must be from {least:.4g} to "
-            f"{most:.4g} m with this segment law, {why}, and the radius must fall with the length"
+            f"{most:.4g} m with this segment law, {law.bounded_by}, and the radius must fall with the length"
         )
     along = CubicSpline(taken, lengths)
     cable = np.clip(cable, least, most)

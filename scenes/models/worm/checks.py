@@ -80,9 +80,10 @@ def _refusal(scene: Any) -> Found:
         with np.errstate(all="ignore"):
             worm, world, gravity = worm_of(scene), world_of(scene.world), gravity_of(scene)
             start.require_felt(worm, world)
-            start.require_shape(worm, start_of(scene, worm, world))
+            state = start_of(scene, worm, world)
+            start.require_shape(worm, state)
             if world is not None and start.settles(world, gravity):
-                start.require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))))
+                start.require_equilibrium(worm, float(np.linalg.norm(world.pressing(gravity))), state.contraction)
     except StateError as error:
         return dict.fromkeys(("start", "world"), in_keys(str(error), WORM_KEYS))
     except IMPOSSIBLE as error:

@@ -76,6 +76,18 @@ class Domain(NamedTuple):
     greatest: FloatArray
     """Greatest contraction of a chamber, shape (N,)."""
 
+    def at(self, contraction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the greatest length [m] at contractions, each in their shape (N, C)."""
+        rows, last = np.arange(len(contraction))[:, None], self.shortest.shape[1] - 1
+        if last == 0:
+            return self.shortest + 0.0 * contraction, self.longest + 0.0 * contraction
+        range_ = (self.greatest - self.least)[:, None]
+        place = np.clip((contraction - self.least[:, None]) / range_, 0.0, 1.0) * last
+        low = np.minimum(place.astype(int), last - 1)
+        ends = ((1.0 - place + low) * each[rows, low] + (place - low) * each[rows, low + 1] for each in self[:2])
+        shortest, longest = ends
+        return shortest, longest
+
 
 class Spread(NamedTuple):
     """Standard deviations between the laws of an ensemble, as root mean squares over states of chambers."""
@@ -117,6 +129,10 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
     is_long: ClassVar[bool] = False
     """Whether energy and outline are long expressions. The kernels then contain their derivatives with respect to the
     length of a chamber instead of length and bend of the segment, and common parts are computed once."""
+    bounded_by: ClassVar[str] = f"{GREATEST_LENGTH:g} rest lengths"
+    """Reason of the bounds of `possible`."""
+    bears_more: ClassVar[str] = "k_spring or half_height larger"
+    """What to make different so that a segment bears a larger weight (`flattening_weight`)."""
     further_inputs: ClassVar[Mapping[str, int]] = {}
     """Number of values of each further input by name, such as the weights of a network."""
 
@@ -227,9 +243,16 @@ class SegmentLaw(Part, registry=SEGMENT_LAWS):
         """
         return np.full(worm.segments, GREATEST_LENGTH / 2.0 * worm.l0)
 
-    def possible(self, worm: Body) -> tuple[FloatArray, FloatArray, str]:
-        """Return the bounds of the length of a chamber in a `worm3d.State`, shape (N,) [m], and their reason."""
-        return np.zeros(worm.segments), 2.0 * self.reach(worm), f"{GREATEST_LENGTH:g} rest lengths"
+    def possible(self, worm: Body, contraction: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of the length of a chamber [m].
+
+        With `contraction`, shape (N, C), the bounds are at these contractions, each in their shape. Otherwise the
+        bounds are the widest ones at any contraction, each of shape (N, 1).
+        """
+        domain = self.domain(worm)
+        if contraction is None:
+            return domain.shortest.min(axis=1, keepdims=True), domain.longest.max(axis=1, keepdims=True)
+        return domain.at(contraction)
 
     def flattened_length(self, worm: Body) -> FloatArray:
         """Return the length above which a chamber is flattened, shape (N,) [m]; infinite without links."""

@@ -24,6 +24,7 @@ class Rhombus(SegmentLaw, name="rhombus"):
     """Each chamber is a rhombus of four links, (E2), with the springs (E4): on its length and on its apex hinges."""
 
     has_links: ClassVar[bool] = True
+    bounded_by: ClassVar[str] = "twice the links"
 
     @classmethod
     def angle(cls, s: Symbols, length: Symbol, bend: Symbol) -> Symbol:
@@ -58,10 +59,6 @@ class Rhombus(SegmentLaw, name="rhombus"):
     def reach(self, worm: Body) -> FloatArray:
         """Return the length of the links."""
         return worm.link_length
-
-    def possible(self, worm: Body) -> tuple[FloatArray, FloatArray, str]:
-        """Return 0 and twice the length of the links."""
-        return np.zeros(worm.segments), 2.0 * worm.link_length, "twice the links"
 
     def flattened_length(self, worm: Body) -> FloatArray:
         """Return the length of a chamber with the height `FLATTENED_HEIGHT`."""
