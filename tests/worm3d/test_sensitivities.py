@@ -1,5 +1,7 @@
 """Sensitivities of a run against central differences of two runs, and the run itself against `simulate`."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +12,6 @@ from numpy.testing import assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from worm3d import Bend, Centreline, Friction, Hydrostat, Jenkins, Payload, Pipe, Plane, Result, Straight, Worm
-from worm3d.machine.compiled import cfunc
 from worm3d.recorded.status import Status
 from worm3d.values.arrays import FloatArray
 
@@ -125,23 +126,24 @@ def test_a_run_from_the_state_of_another_goes_on() -> None:
 
 def test_they_cannot_have_loads_or_controllers() -> None:
     with pytest.raises(ValueError, match=r"got a worm with loads or a medium.*use differences of two runs"):
-        worm3d.sensitivities(Worm(loads=[Payload(mass=0.01)]), Plane(), actuation=wave, parameters=AT)
+        worm3d.sensitivities(Worm(load=Payload(mass=0.01)), Plane(), actuation=wave, parameters=AT)
     with pytest.raises(ValueError, match="must be a function from parameters to a gait"):
         worm3d.sensitivities(Worm(), Plane(), actuation=wave(AT), parameters=AT)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"parameters: got shape \(0,\)"):
         worm3d.sensitivities(Worm(), Plane(), actuation=wave, parameters=[])
 
 
-def test_the_compiled_function_is_kept_for_the_next_process() -> None:
-    """It would be compiled in every process if its code needed a name that only a compiling Numba has."""
-    from worm3d.solver import sensitivity
-
-    assert isinstance(sensitivity.follow, type(cfunc(len)))
-    lanes = np.zeros((1, 1)), np.zeros((1, 1, 1)), np.zeros((1, 1, 1)), 0.01, True, False
-    from worm3d.machine.codegen import native
-    from worm3d.running.plant import Plant
-
-    gravity, held = np.array([0.0, 0.0, -9.81]), np.zeros(35, dtype=bool)
-    core = Plant(Worm(), Plane(), Friction(), gravity, held).core
-    _, lacking = sensitivity.follow.compiled((core, *lanes), None, native.this_host())  # type: ignore[attr-defined]
-    assert lacking == ()
+def test_a_second_process_finds_everything_compiled() -> None:
+    """It would import the compiler if the code needed a name that only a compiling Numba has."""
+    worm3d.sensitivities(Worm(), Plane(), actuation=wave, parameters=AT, duration=0.02)
+    code = """
+import sys, worm3d
+from control.gaits import TravellingWave
+run = worm3d.sensitivities(
+    worm3d.Worm(), worm3d.Plane(), actuation=lambda p: TravellingWave(amplitude=p[0]), parameters=[0.2], duration=0.02
+)
+assert run.d_com.shape == (3, 3, 1) and abs(run.d_com[-1]).max() > 0.0
+assert "numba" not in sys.modules
+"""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stderr) == (0, "")
