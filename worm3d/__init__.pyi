@@ -48,6 +48,8 @@ from worm3d.running.problem import Held as Held
 from worm3d.running.problem import Problem as Problem
 from worm3d.running.recovery import recovery as recovery
 from worm3d.running.segment_law import stretch_segment as stretch_segment
+from worm3d.running.sensitivities import Sensitivities as Sensitivities
+from worm3d.running.sensitivities import sensitivities as sensitivities
 from worm3d.running.simulate import simulate as simulate
 from worm3d.running.start import LimitPointError as LimitPointError
 from worm3d.running.start import flattening_weight as flattening_weight

@@ -193,12 +193,24 @@ def utilisation_squared(force: ca.SX, of: Coefficients, strength: ca.SX) -> ca.S
     return ca.sumsqr(force / of.mu.of(force)) / strength**2
 
 
-def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
-    """Return y after the return (C4), shape (2,) [m]."""
+def _returned_share(y: ca.SX, of: Coefficients, step: Step) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return whether y yields, eta^2 of (C2), and the share of y that remains if y yields, (C4)."""
     _, square = squares(y, of)
     limit = step.limit_ratio * step.r
-    yields = square > (limit * (1.0 + YIELD_TOLERANCE)) ** 2
-    return ca.if_else(yields, limit / ca.sqrt(square), 1.0) * y
+    return square > (limit * (1.0 + YIELD_TOLERANCE)) ** 2, square, limit / ca.sqrt(square)
+
+
+def left_after_return(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
+    """Return y after the return (C4), shape (2,) [m]."""
+    yields, _, share = _returned_share(y, of, step)
+    return ca.if_else(yields, share, 1.0) * y
+
+
+def return_stiffness(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:
+    """Return the derivative of `left_after_return` with respect to y, shape (2, 2)."""
+    yields, square, share = _returned_share(y, of, step)
+    e = of.mu.of(y) * of.hardness.of(y)
+    return ca.if_else(yields, share * (ca.SX.eye(2) - y @ (e**2 * y).T / square), ca.SX.eye(2))
 
 
 def static_excess(y: ca.SX, of: Coefficients, step: Step) -> ca.SX:

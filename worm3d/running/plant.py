@@ -75,11 +75,12 @@ def kernels(
     around: type[Medium] = Medium,
     loads: tuple[type[Load], ...] = (),
     segment_law: type[SegmentLaw] = Rhombus,
+    sensing: bool = False,
 ) -> dict[str, Kernel]:
     """Return the compiled kernels by name.
 
     The arguments are the classes of the friction law, the actuators of chambers and hinges, the friction in the joints,
-    the medium, the loads, and the segment law.
+    the medium, the loads, and the segment law; and whether to include the kernels of sensitivities.
     """
     parts: dict[str, tuple[type, ...]] = {
         "law": (law,),
@@ -90,7 +91,8 @@ def kernels(
         "load": loads,
         "": (),
     }
-    made = {name: _kernel(name, *parts[row.of]) for name, row in arrays.KERNELS.items()}
+    rows = {name: row for name, row in arrays.KERNELS.items() if sensing or not row.sensing}
+    made = {name: _kernel(name, *parts[row.of]) for name, row in rows.items()}
     return {name: kernel for name, kernel in made.items() if kernel is not None}
 
 
@@ -145,7 +147,8 @@ class Plant:
         chamber, hinge = worm.actuator.compiled(), worm.hinge_actuator.compiled()
         own, law = type(worm.hysteresis), type(worm.segment)
         around, loads = type(worm.medium), tuple(map(type, worm.loads))
-        self._kernels = kernels(type(friction.law), chamber, hinge, own, around, loads, law)
+        self._classes = type(friction.law), chamber, hinge, own, around, loads, law
+        self._kernels = kernels(*self._classes)
         if chamber.__module__.partition(".")[0] != "worm3d":  # the tests of worm3d check its own actuators
             warn_of_imbalance(worm)
         width = max(vectors.VECTOR_WIDTH, *(kernel.width for kernel in self._kernels.values()))
@@ -173,6 +176,17 @@ class Plant:
         other = copy.copy(self)
         other.world_kernel = (self.world or Plane()).kernel()  # each copy needs its own working memory
         other._open(self.memory_of_core.copy(_addresses(other.world_kernel, self._kernels)))
+        return other
+
+    def sensing(self, parameters: int) -> Plant:
+        """Return an independent copy in the same state, with room for the sensitivities to a number of parameters."""
+        other = copy.copy(self)
+        other.world_kernel, other._kernels = (self.world or Plane()).kernel(), kernels(*self._classes, sensing=True)
+        sizes = self.memory_of_core.sizes._replace(parameters=parameters)
+        other._open(CoreMemory(sizes, _addresses(other.world_kernel, other._kernels)))
+        for name, array in self.arrays.items():
+            if other.arrays[name].shape == array.shape:
+                other.arrays[name][:] = array
         return other
 
     @property

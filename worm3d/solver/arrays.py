@@ -23,7 +23,7 @@ from worm3d.machine.banded import BAND_COLUMNS, B
 from worm3d.machine.vectors import BLOCK_SIZE
 from worm3d.physics.actuators import COMMANDS, Actuator
 from worm3d.physics.hysteresis import Hysteresis, chamber_states
-from worm3d.physics.kernels import actuator, joint, load, medium, node, point, regime, segment
+from worm3d.physics.kernels import actuator, change, joint, load, medium, node, point, regime, segment
 from worm3d.physics.kernels.layout import Layout
 from worm3d.physics.kernels.segment import POINTS_PER_SEGMENT
 from worm3d.physics.load import Load
@@ -55,6 +55,8 @@ class KernelRow(NamedTuple):
     of the chambers with the segment law, the actuator of the hinges, the medium, or all loads."""
     exact: bool = False
     """Whether the function is computed exactly as written, so that all bits equal the results of NumPy."""
+    sensing: bool = False
+    """Whether the function is needed only for sensitivities."""
 
 
 KERNELS: dict[str, KernelRow] = {}
@@ -109,6 +111,16 @@ EVALUATE = _kernel("evaluate")
 SOLVE = _kernel("solve")
 STEP_ENTRY = _kernel("step")
 PUT = _kernel("put")
+POINT_RESIDUAL = _kernel("point_residual", change.point_residual, padded=True, of="law", sensing=True)
+POINT_NEXT = _kernel("point_next", change.point_next, padded=True, of="law", sensing=True)
+NODE_RESIDUAL = _kernel("node_residual", change.node_residual, padded=True, sensing=True)
+NODE_NEXT = _kernel("node_next", change.node_next, padded=True, sensing=True)
+CHAMBER_FACES = _kernel("chamber_faces", change.chamber_faces, of="chamber", sensing=True)
+CHAMBER_POINTS = _kernel("chamber_points", change.chamber_points, of="chamber", sensing=True)
+CHAMBER_RESIDUAL = _kernel("chamber_residual", change.chamber_residual, of="chamber", sensing=True)
+CHAMBER_NEXT = _kernel("chamber_next", change.chamber_next, of="chamber", sensing=True)
+JOINT_RESIDUAL = _kernel("joint_residual", change.joint_residual, of="hinge", sensing=True)
+JOINT_NEXT = _kernel("joint_next", change.joint_next, of="hinge", sensing=True)
 
 NUMBER_NAMES: list[str] = []
 """Names of the single numbers that describe a worm and a world."""
@@ -164,6 +176,8 @@ class Sizes(NamedTuple):
     """Medium that resists the motion of the joints."""
     loads: tuple[type[Load], ...]
     """External loads on the joints."""
+    parameters: int = 0
+    """Number of parameters of sensitivities."""
 
 
 @cache
@@ -185,6 +199,7 @@ def _extents(sizes: Sizes) -> dict[str, Any]:
         "load_kept": load.kept(*sizes.loads),
         "load_out": 1 + 12 * len(sizes.loads),
         "load_after": len(load.LEDGER_TERMS) + load.kept(*sizes.loads),
+        **_changes(sizes),
         "chamber_past": chamber,  # states at t_n and t_{n-1}
         "hinge_past": hinge,
         "chamber_states": chamber // 2,
@@ -199,6 +214,28 @@ def _extents(sizes: Sizes) -> dict[str, Any]:
         "mass_points": max(POINTS_PER_SEGMENT * sizes.lanes, sizes.node_lanes),
         "moved": BLOCK_SIZE * (sizes.lanes + 1) + vectors.VECTOR_WIDTH,
     }
+
+
+def _changes(sizes: Sizes) -> dict[str, int]:
+    """Return the numbers of rows for sensitivities by name: all inputs, changes, and changes of the past for each p."""
+    chamber, own, hinge = sizes.chamber, sizes.hysteresis, sizes.hinge
+    parts = {  # layout of the inputs without changes, changes that are filled, changes of the past
+        "point": (point.POINT_LAYOUT, change.POINT_FILLED, change.POINT_PAST),
+        "node": (node.NODE_LAYOUT, change.NODE_FILLED, change.NODE_PAST),
+        "chamber": (
+            actuator.chambers(chamber, own, sizes.segment),
+            change.CHAMBER_FILLED,
+            change.chamber_past(chamber, own),
+        ),
+        "joint": (actuator.hinges(hinge), change.JOINT_FILLED, change.joint_past(hinge)),
+    }
+    found = {}
+    for name, (layout, filled, past) in parts.items():
+        count, size = sizes.parameters, sum(past.values())
+        found[f"{name}_changes"] = (sum(filled.values()) + size) * (count > 0)
+        found[f"{name}_sensed"] = layout.rows + found[f"{name}_changes"]
+        found[f"{name}_kept"] = count * size
+    return found
 
 
 Extent = int | str | Layout
@@ -384,6 +421,20 @@ HINGES = _array("hinges", 4, "lanes", history=True)  # angles of the chambers [r
 JOINT_ANGLES_PAST = _array("joint_angles", 8, "joint_lanes", inside=("joint_in", "angles_n"), history=True)
 TERMS_ = _array("terms", 1, len(TERMS))  # energy ledger since the last record [J]
 SLID = _array("slid", POINTS_PER_SEGMENT, "lanes")  # slip since the last record [m]
+# changes of the inputs of the kernels, which follow the inputs, and inputs together with changes; empty without
+# sensitivities. The changes of the past are kept for each parameter
+POINT_CHANGE = _array("point_change", "point_changes", "points", inside=("point_in", point.POINT_LAYOUT.rows))
+NODE_CHANGE = _array("node_change", "node_changes", "node_lanes", inside=("node_in", node.NODE_LAYOUT.rows))
+CHAMBER_CHANGE = _array("chamber_change", "chamber_changes", "lanes", inside=("actuated", "chamber_rows"))
+JOINT_CHANGE = _array("joint_change", "joint_changes", "joint_lanes", inside=("hinged", "hinge_rows"))
+POINT_SENSED = _array("point_sensed", "point_sensed", "points", inside=("point_in", 0))
+NODE_SENSED = _array("node_sensed", "node_sensed", "node_lanes", inside=("node_in", 0))
+CHAMBER_SENSED = _array("chamber_sensed", "chamber_sensed", "lanes", inside=("actuated", 0))
+JOINT_SENSED = _array("joint_sensed", "joint_sensed", "joint_lanes", inside=("hinged", 0))
+POINT_KEPT = _array("point_kept", "point_kept", "points")
+NODE_KEPT = _array("node_kept", "node_kept", "node_lanes")
+CHAMBER_KEPT = _array("chamber_kept", "chamber_kept", "lanes")
+JOINT_KEPT = _array("joint_kept", "joint_kept", "joint_lanes")
 
 HANDLE = 5
 """Number of integers in the handle of a core: n, and the addresses of memory, table, kernels and counters."""

@@ -178,7 +178,7 @@ def _segments(core: Core, hessian: int) -> None:
         run(core, a.SEGMENT_HESSIAN, a.ACTUATED, a.SEGMENT_OUT, core.n)
         _fill_band(core)
     if hessian != NO_HESSIAN:
-        _exchange(core)
+        exchange(core)
         fill(vector(core.block, a.CHANGED), 0.0)
 
 
@@ -261,7 +261,7 @@ def _fill_band(core: Core) -> None:
 
 
 @inner
-def _exchange(core: Core) -> None:
+def exchange(core: Core) -> None:
     """Update the contributions to the band of the contacts that are marked in "changed"."""
     changed, known = vector(core.block, a.CHANGED), vector(core.block, a.DERIVATIVES_KNOWN)
     lanes = len(changed) // POINTS_PER_SEGMENT

@@ -64,6 +64,15 @@ def step_entry(handle: int, dt: float, bdf2: int, _b: int) -> float:
 
 @inner
 def _step(core: Core, dt: float, bdf2: bool) -> int:
+    end, span = solve_step(core, dt, bdf2)
+    if end == OK:
+        commit(core, dt, bdf2, span)
+    return end
+
+
+@inner
+def solve_step(core: Core, dt: float, bdf2: bool) -> tuple[int, float]:
+    """Solve a step and add its terms to the energy ledger. Return OK or the reason of failure, and `begin`'s span."""
     place_start(core)
     span = begin(core, dt, bdf2)
     clamped = vector(core.block, a.NUMBERS_)[a.CLAMPED] != 0.0
@@ -79,17 +88,22 @@ def _step(core: Core, dt: float, bdf2: bool) -> int:
         else:
             fill(vector(core.block, a.LAST), 0.0)
             fill(vector(core.block, a.CURVE), 0.0)
-        return end
+        return end, span
     fronts.keep(core)
     ledger.prepare(core)
     ledger.add(core, vector(core.block, a.TERMS_))
     if loads.loaded(core):
         loads.finish(core, vector(core.block, a.TERMS_))
+    return OK, span
+
+
+@inner
+def commit(core: Core, dt: float, bdf2: bool, span: float) -> None:
+    """Make the solution of a step, of which `solve_step` returned the span, the present state."""
     _commit(core)
     if bdf2 and span == dt:  # a strike has changed the velocity suddenly: both past velocities become the new velocity
         for velocity in (a.JOINT_VELOCITY, a.POINT_VELOCITY):
             copy(rows(core.block, velocity, 3, 3), rows(core.block, velocity, 0, 3))
-    return OK
 
 
 _weights = inner(inertia.weights)

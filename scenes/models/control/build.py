@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from scenes.models.control.schema import AUTO, Controller, ControlScene
 from scenes.models.sensors import channels_of, own_channels
 from scenes.models.switched import parts_listed, switched_parts
 from scenes.models.worlds.schema import PIPES
-from scenes.models.worm.build import friction_of, worm_of
+from scenes.models.worm.build import friction_of, problem_of, worm_of
 from worm3d.values import named
 
 
@@ -48,7 +49,10 @@ def controller_of(scene: ControlScene) -> Driver:
     told = sensors_of(scene).channels if asked.told else {}
     try:
         task = ControlTask(worm, reference_of(scene), found, asked.mechanism, asked.period_s, told)
-        driver = made(asked.kind, task, **parts_of(scene))
+        parts = parts_of(scene)
+        if "problem" in signature(controller(asked.kind).of).parameters:
+            parts["problem"] = problem_of(scene, drive=(None, None))
+        driver = made(asked.kind, task, **parts)
     except named.EXCEPTIONS as error:
         names = (asked.kind, asked.estimator, asked.model, *scene.cost.parts, *scene.constraints.parts)
         own = [name for name in names if named.is_own(name)]

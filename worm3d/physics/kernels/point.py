@@ -120,7 +120,8 @@ def _tangents() -> tuple[ca.SX, ca.SX]:
     return POINT_LAYOUT.symbols["tangent"][0:3], POINT_LAYOUT.symbols["tangent"][3:6]
 
 
-def _curvature() -> ca.SX:
+def curvature() -> ca.SX:
+    """Return the Hessian of the distance at X, shape (3, 3) [1/m]."""
     xx, xy, xz, yy, yz, zz = ca.vertsplit(POINT_LAYOUT.symbols["curvature"])
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
@@ -190,7 +191,7 @@ def _force(law: Law) -> dict[str, ca.SX]:
     f = still - c.load * s["normal"] + grip * (T @ at.f)
     f_ahead = still - load * s["normal"] + held * (T @ pull)
     rising = ca.if_else(ca.logic_or(c.pressed > 0.0, s["regime"] >= SLIDING), s["stiff"], 0.0)
-    K += rising * s["normal"] @ s["normal"].T - load * _curvature()
+    K += rising * s["normal"] @ s["normal"].T - load * curvature()
     coupling = s["coupled"] * s["hold"] * slope * rising * (T @ pull) @ s["normal"].T
     K += ca.fmax(held, 0.0) * (T @ K_y @ T.T) - coupling
     phi += c.load * c.pressed / 2.0 + grip * at.potential

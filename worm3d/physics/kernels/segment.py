@@ -226,6 +226,11 @@ def lengths() -> ca.SX:
     return _shape(Rhombus).lengths
 
 
+def angles(law: Law = Rhombus) -> ca.SX:
+    """Return the angles of the chambers, shape (2,) [rad]."""
+    return _shape(law).angles
+
+
 def stretches() -> ca.SX:
     """Return the change of the chambers' lengths due to dq, to first order, shape (2,) [m]."""
     return ca.jtimes(lengths(), SEGMENT_LAYOUT.symbols["q"], SEGMENT_LAYOUT.symbols["dq"])
