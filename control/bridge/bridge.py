@@ -1,10 +1,9 @@
 """Side of the controller: a controller of the simulation drives a robot in real time.
 
-The controller runs in the thread that calls `drive`. Its step for tick k is due `lead` before the tick, so a
-decision may take as long as the lead. A slower decision makes the exchange repeat the last command
-(`control.bridge.exchange`), and the steps after it follow without pause until the lead is made up. The price of the
-lead is that the command of a tick knows samples up to the lead before the tick. Samples carry their instants, and
-estimators allow for their age.
+The controller runs in the thread that calls `drive`. Its step for tick k is due `lead` before the tick, so a decision
+may take as long as the lead. A slower decision makes the exchange repeat the last command (`control.bridge.exchange`),
+and the steps after it follow without pause until the lead is made up. The price of the lead is that the command of a
+tick knows samples up to the lead before the tick. Samples carry their instants, and estimators allow for their age.
 """
 
 from __future__ import annotations
@@ -14,16 +13,14 @@ import math
 import multiprocessing
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from control.bridge.board import SAMPLE_HEAD, Board
+from control.bridge.board import Board
 from control.bridge.exchange import exchange
 from control.bridge.links import opened
-from control.bridge.packets import COMMANDED, PARTS
+from control.bridge.packets import CHANNELS, Refusal
 from control.bridge.robot import PERIOD
 from control.sensing.sensors import Measurement, Sample
 from worm3d import Command
@@ -40,7 +37,6 @@ GIVE_UP = 10.0
 """Default time without samples after which a run ends [s]."""
 CONNECTING = 20.0
 """Time within which a robot must answer at the start [s]."""
-CHANNELS = tuple(name for name in PARTS if name not in COMMANDED)
 _LOG = logging.getLogger(__name__)
 
 Step = Callable[[float, Measurement], Command]
@@ -60,9 +56,18 @@ class Ending(NamedTuple):
     """Number of ticks up to the end."""
 
 
-@dataclass(kw_only=True)
 class Bridge:
     """Connection of a controller to a robot, as a context that starts and ends the process of the exchange.
+
+    Parameters
+    ----------
+    address : str
+        Address of the robot (`control.bridge.links.opened`).
+    segments, ticks : int
+        Number of segments, and of the ticks of the run.
+    period, lead, connecting : float
+        Time between two ticks, time by which commands are planned in advance, and time within which the robot must
+        answer [s].
 
     Raises
     ------
@@ -74,52 +79,44 @@ class Bridge:
         On entering, if no robot answers.
     """
 
-    address: str
-    segments: int
-    ticks: int
-    period: float = PERIOD
-    lead: float = LEAD
-    hold: float = HOLD
-    silence: float = SILENCE
-    connecting: float = CONNECTING
-
-    def __post_init__(self) -> None:
-        for name in ("period", "silence", "connecting"):
-            arguments.number(name, getattr(self, name), "s", gt=0.0)
-        for name in ("lead", "hold"):
-            arguments.number(name, getattr(self, name), "s", ge=0.0)
-        opened(self.address).close()  # an error of the address is the caller's, not the other process's
-        self.board = Board(self.segments, self.ticks)
-        self._read = 0
+    def __init__(
+        self,
+        address: str,
+        segments: int,
+        ticks: int,
+        *,
+        period: float = PERIOD,
+        lead: float = LEAD,
+        connecting: float = CONNECTING,
+    ) -> None:
+        self.period = arguments.number("period", period, "s", gt=0.0)
+        self.lead = arguments.number("lead", lead, "s", ge=0.0)
+        opened(address).close()  # an error of the address is the caller's, not the other process's
+        self.address, self._connecting, self.board, self._read = address, connecting, Board(segments, ticks), 0
+        given = (self.board, address, period, HOLD, SILENCE)
+        self.process = multiprocessing.get_context("spawn").Process(target=exchange, args=given, daemon=True)
 
     def __enter__(self) -> Self:
-        given = (self.board, self.address, self.period, self.hold, self.silence)
-        self.process = multiprocessing.get_context("spawn").Process(target=exchange, args=given, daemon=True)
         self.process.start()
-        until = time.monotonic() + self.connecting
+        until = time.monotonic() + self._connecting
         while not math.isfinite(self.board["arrived"]):
             if time.monotonic() > until or not self.process.is_alive():
-                self.close()
+                self.__exit__()
                 raise NoRobotError(
-                    f"{self.address}: no robot has answered within {self.connecting:g} s; switch it on, and look at "
-                    "the address and at its number of segments; packets refused: " + (self.refusals() or "none")
+                    f"{self.address}: no robot has answered within {self._connecting:g} s; switch it on, and look at "
+                    f"the address and at its number of segments; packets refused: {self.refusals() or 'none'}"
                 )
             time.sleep(self.period)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the exchange. The robot then rests."""
+    def __exit__(self, *_: object) -> None:
         self.board["stop"] = 1.0
         self.process.join(1.0)
-        if self.process.is_alive():
-            self.process.kill()
+        self.process.kill()
 
     def begin(self) -> None:
-        """Begin the run: tick 0 is due after the lead."""
-        self.board["began"] = time.monotonic() + self.lead + self.period
+        """Begin the run: the step for tick 0 is due now, and tick 0 after the lead."""
+        self.board["began"] = time.monotonic() + self.lead
 
     @property
     def silent(self) -> float:
@@ -143,24 +140,26 @@ class Bridge:
         new = int(self.board["seen"]) - self._read
         steps = max(1, math.floor(self.behind(k) / self.period) + 1)
         rows = slice(self._read, self._read + math.ceil(new / steps))
-        self._read = rows.stop
-        samples = {name: self._newest(name, rows) for name in CHANNELS}
-        return Measurement(k * self.period, **{name: sample for name, sample in samples.items() if sample is not None})
-
-    def _newest(self, channel: str, rows: slice) -> Sample | None:
-        values = self.board.values(channel, rows)
-        known = np.flatnonzero(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
-        if len(known) == 0:
-            return None
-        row = rows.start + int(known[-1])
-        return Sample(values[known[-1]], float(self.board.samples[row, SAMPLE_HEAD.index("taken")]))
+        self._read, taken, samples = rows.stop, self.board.head("taken")[rows], {}
+        for name in CHANNELS:
+            values = self.board.values(name, rows)
+            known = np.flatnonzero(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+            if len(known):
+                samples[name] = Sample(values[known[-1]], float(taken[known[-1]]))
+        return Measurement(k * self.period, **samples)
 
     def refusals(self) -> str:
         """Return the numbers of refused packets with their reasons, as text."""
-        from control.bridge.packets import Refusal
-
         counts = {each: int(self.board[each.name]) for each in Refusal}
         return ", ".join(f"{count} {reason.value}" for reason, count in counts.items() if count)
+
+    def trouble(self, give_up: float) -> str:
+        """Return why a run cannot go on, as a sentence; empty if it can."""
+        if not self.process.is_alive():
+            return f"the process of the link has ended (exit code {self.process.exitcode}); the robot rests"
+        if self.silent > give_up:
+            return f"the robot has been silent for {give_up:g} s; look at its power, its cable and its program"
+        return ""
 
 
 def drive(
@@ -187,28 +186,19 @@ def drive(
         Function that is called with a sentence when the robot falls silent, and when samples come again.
     """
     bridge.begin()
-    quiet = False
-    for k in range(bridge.ticks):
+    quiet, ticks = False, bridge.board.ticks
+    for k in range(ticks):
         while True:
             if not goes_on(k):
                 return Ending("interrupted", f"stopped at {k * bridge.period:g} s", k)
-            if not bridge.process.is_alive():
-                code = bridge.process.exitcode
-                return Ending("diverged", f"the process of the link has ended (exit code {code}); the robot rests", k)
-            silent = bridge.silent
-            if silent > give_up:
-                why = f"the robot has been silent for {give_up:g} s; look at its power, its cable and its program"
-                return Ending("diverged", why, k)
-            if quiet != (silent > bridge.silence):
+            if trouble := bridge.trouble(give_up):
+                return Ending("diverged", trouble, k)
+            if quiet != (bridge.silent > SILENCE):
                 quiet = not quiet
-                say(
-                    f"{k * bridge.period:.2f} s: the robot is silent"
-                    if quiet
-                    else f"{k * bridge.period:.2f} s: it is back"
-                )
+                say(f"{k * bridge.period:.2f} s: the robot {'is silent' if quiet else 'answers again'}")
             if (late := bridge.behind(k)) >= 0.0:
                 break
             time.sleep(min(-late, bridge.period))
         bridge.plan(k, step(k * bridge.period, bridge.measurement(k)))
     bridge.process.join(bridge.lead + 1.0)
-    return Ending("done", "the robot has run to the end", bridge.ticks)
+    return Ending("done", "the robot has run to the end", ticks)

@@ -10,13 +10,14 @@ and a new session until samples come again.
 from __future__ import annotations
 
 import math
+import multiprocessing
 import secrets
 import signal
 import time
 
 import numpy as np
 
-from control.bridge.board import STATES, Board, is_orphan
+from control.bridge.board import STATES, Board
 from control.bridge.clock import ClockOffset
 from control.bridge.deadlines import following, hurry
 from control.bridge.links import Link, opened
@@ -31,7 +32,7 @@ class ControllerSide:
     """Session, clock and packets of the controller. Times are on the clock `time.monotonic` [s]."""
 
     def __init__(self, board: Board, link: Link, period: float, hold: float, silence: float) -> None:
-        self.board, self.link, self.period, self.hold, self.silence = board, link, period, hold, silence
+        self.board, self.link, self._period, self._hold, self._silence = board, link, period, hold, silence
         self.inbox = Inbox(board.segments, {Kind.SAMPLE: ()})
         self._calling, self._number = False, 0
         self.clock = ClockOffset()
@@ -44,61 +45,55 @@ class ControllerSide:
                 board[reason.name] = count
             return
         self.clock.take(packet.echo, packet.echo_received, packet.time, now)
-        board["offset"], board["round_trip"] = self.clock.offset, self.clock.round_trip
-        board["accepted"] = self.inbox.accepted
-        board.store(packet, now)
+        board["offset"] = self.clock.offset
+        board.store(packet, now, self.clock.round_trip)
         board["arrived"] = now
 
     def tick(self, k: int, now: float) -> str:
         """Send the packet of tick k; return its entry of `STATES`."""
-        if now - self.board["arrived"] > self.silence:
+        board = self.board
+        if now - board["arrived"] > self._silence:
             if not self._calling:
                 self._calling, self._number, self.clock = True, 0, ClockOffset()
                 self.inbox.open(secrets.randbits(32))
-                self.board["sessions"] += 1
-            self._send(Kind.BEGIN)
+                board["sessions"] += 1
+            self.send(Kind.BEGIN)
             return "calling"
         self._calling = False
-        planned = int(self.board["planned"])
-        row = min(k, planned - 1)
-        if row < 0 or math.isnan(self.board["began"]) or (k - row) * self.period > self.hold:
-            self._send(Kind.REST)
+        row = min(k, int(board["planned"]) - 1)
+        if row < 0 or math.isnan(board["began"]) or (k - row) * self._period > self._hold:
+            self.send(Kind.REST)
             return "rest"
-        self._send(Kind.COMMAND, self.board.commands[row])
+        self.send(Kind.COMMAND, board.commands[row])
         return "planned" if row == k else "held"
 
-    def _send(self, kind: Kind, command: FloatArray | None = None) -> None:
+    def send(self, kind: Kind, command: FloatArray | None = None) -> None:
+        """Send a packet of a kind, with a row of the board's commands."""
         values, n = {}, self.board.segments
         if command is not None:
             values = dict(zip(COMMANDED, np.split(command, [int(np.prod(shape("contraction", n)))]), strict=True))
-        if kind is not Kind.BEGIN:
-            self._number += 1
-        packet = Packet(kind, self.inbox.session, self._number, time.monotonic(), values)
-        self.link.send(encoded(packet, n))
-
-    def end(self) -> None:
-        """Tell the robot to rest."""
-        for _ in range(FAREWELLS):
-            self._send(Kind.REST)
+        self._number += kind is not Kind.BEGIN
+        self.link.send(encoded(Packet(kind, self.inbox.session, self._number, time.monotonic(), values), n))
 
 
 def exchange(board: Board, address: str, period: float, hold: float, silence: float) -> None:
     """Exchange packets with a robot until the run ends, the controller asks to stop, or its process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the controller's process decides
     hurry()
-    link = opened(address)
+    link, parent = opened(address), multiprocessing.parent_process()
     side, due, k = ControllerSide(board, link, period, hold, silence), time.monotonic(), -1
     try:
-        while k + 1 < board.ticks and not board["stop"] and not is_orphan():
+        while k + 1 < board.ticks and not board["stop"] and (parent is None or parent.is_alive()):
             due, k = following(due, board["began"], period, time.monotonic())
-            while (wait := due - time.monotonic()) > 0.0:
+            wait = 1.0
+            while wait > 0.0:  # looks at the link at least once
+                wait = due - time.monotonic()
                 for data, _ in link.receive(wait):
                     side.take(data, time.monotonic())
-            for data, _ in link.receive(0.0):
-                side.take(data, time.monotonic())
             state = side.tick(k, time.monotonic())
             if 0 <= k < board.ticks:
                 board.sent[k] = time.monotonic() - due, STATES.index(state)
     finally:
-        side.end()
+        for _ in range(FAREWELLS):
+            side.send(Kind.REST)
         link.close()

@@ -1,7 +1,6 @@
 """Links that carry packets: UDP, a serial line, and a link with delay, jitter and loss for simulated robots.
 
-The address of a link is `udp://HOST:PORT`, or `serial:DEVICE` with the rate in bit/s behind an optional @, for example
-`serial:/dev/ttyACM0@1000000`.
+On a serial line, a receiver searches for the next packet by its first bytes, its length and its checksum.
 """
 
 from __future__ import annotations
@@ -10,34 +9,30 @@ import heapq
 import os
 import select
 import socket
-import sys
 import time
 from contextlib import suppress
-from itertools import count
 from typing import Any, Protocol
 
 import numpy as np
 
-from control.bridge.framing import Frames, framed
-from control.bridge.packets import LARGEST
+from control.bridge.packets import LARGEST, next_packet
 
 BAUD = 1_000_000
 """Default rate of a serial line [bit/s]. A worm of 6 segments needs 300 000 bit/s for 100 packets a second each way."""
 ADDRESSES = "must be udp://HOST:PORT, such as udp://127.0.0.1:7001, or serial:DEVICE, such as serial:/dev/ttyACM0"
-NEEDS_SERIAL = "serial: pyserial is not installed; pip install 'worm3d[bridge]'"
 
 Received = list[tuple[bytes, Any]]
 """Packets, each with the address that it came from; None on a serial line."""
 
 
 class Link(Protocol):
-    """Carrier of packets. No method waits longer than it was told, and none raises an error while the line is cut."""
+    """Carrier of packets. Its methods raise no error while the line is cut."""
 
     peer: Any
     """Address that packets are sent to."""
 
-    def send(self, data: bytes) -> bool:
-        """Send a packet; return whether the line took it."""
+    def send(self, data: bytes) -> None:
+        """Send a packet, if the line takes it at once."""
 
     def receive(self, timeout: float) -> Received:
         """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
@@ -49,14 +44,15 @@ class Link(Protocol):
 def opened(address: str, *, listen: bool = False) -> Link:
     """Open a link. With `listen`, a UDP link waits at the address, otherwise it sends to the address.
 
+    `address` is "udp://HOST:PORT", or "serial:DEVICE" with the rate in bit/s behind an optional @, for example
+    "serial:/dev/ttyACM0@1000000".
+
     Raises
     ------
     ValueError
-        The address is not valid.
+        The address or the rate is not valid.
     OSError
         The port or device cannot be used.
-    ImportError
-        A serial line needs pyserial on this system.
     """
     scheme, _, place = address.partition(":")
     host, _, port = place.removeprefix("//").rpartition(":")
@@ -64,9 +60,7 @@ def opened(address: str, *, listen: bool = False) -> Link:
         return Udp(host, int(port), listen=listen)
     device, _, baud = place.partition("@")
     if scheme == "serial" and device and (not baud or baud.isdigit()):
-        return (
-            Serial(device, int(baud or BAUD)) if sys.platform != "win32" else WindowsSerial(device, int(baud or BAUD))
-        )
+        return Serial(device, int(baud or BAUD))
     raise ValueError(f"address: got {address!r}, {ADDRESSES}")
 
 
@@ -82,13 +76,11 @@ class Udp:
             self._socket.bind(place)
         self.port = int(self._socket.getsockname()[1]) if listen else port
 
-    def send(self, data: bytes) -> bool:
-        """Send a packet; return whether the line took it."""
-        if self.peer is None:
-            return False
-        with suppress(OSError):  # the cable is out, or nobody listens there
-            return self._socket.sendto(data, self.peer) == len(data)
-        return False
+    def send(self, data: bytes) -> None:
+        """Send a packet, if there is somebody to send it to."""
+        if self.peer is not None:
+            with suppress(OSError):  # the cable is out, or nobody listens there
+                self._socket.sendto(data, self.peer)
 
     def receive(self, timeout: float) -> Received:
         """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
@@ -105,81 +97,50 @@ class Udp:
 
 
 class Serial:
-    """Packets as frames on a serial line, by the file of its device."""
-
-    peer: Any = None
-
-    def __init__(self, device: str, baud: int = BAUD) -> None:
-        import termios
-        import tty
-
-        speed = getattr(termios, f"B{baud}", None)
-        if speed is None:
-            known = ", ".join(sorted((name[1:] for name in vars(termios) if name[1:].isdigit()), key=int))
-            raise ValueError(f"serial: got a rate of {baud} bit/s, must be one of {known}")
-        self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        with suppress(termios.error):  # a pipe or socket has no rate
-            tty.setraw(self._file)
-            *flags, _, _, characters = termios.tcgetattr(self._file)
-            termios.tcsetattr(self._file, termios.TCSANOW, [*flags, speed, speed, characters])
-        self._frames = Frames()
-
-    def send(self, data: bytes) -> bool:
-        """Send a packet; return whether the line took it."""
-        frame = framed(data)
-        with suppress(OSError):  # a part of a frame is refused by its checksum
-            return os.write(self._file, frame) == len(frame)
-        return False
-
-    def receive(self, timeout: float) -> Received:
-        """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
-        until, data = time.monotonic() + timeout, b""
-        while not data and select.select([self._file], [], [], max(0.0, until - time.monotonic()))[0]:
-            try:
-                data = os.read(self._file, 16 * LARGEST)
-            except OSError:  # the other end is gone: there is always something to read, an error
-                time.sleep(max(0.0, until - time.monotonic()))
-                break
-        return [(packet, None) for packet in self._frames.feed(data)]
-
-    def close(self) -> None:
-        """Close the device."""
-        os.close(self._file)
-
-
-class WindowsSerial:
-    """Packets as frames on a serial line, by pyserial."""
+    """Packets on a serial line of a POSIX system, by the file of its device."""
 
     peer: Any = None
 
     def __init__(self, device: str, baud: int = BAUD) -> None:
         try:
-            import serial
+            import termios
+            import tty
         except ImportError as error:
-            raise ImportError(NEEDS_SERIAL) from error
-        self._port = serial.Serial(device, baud, timeout=0.0, write_timeout=0.0)
-        self._frames = Frames()
+            raise ValueError("serial: this system has no serial lines as files; take udp://HOST:PORT") from error
+        speed = getattr(termios, f"B{baud}", None)
+        if speed is None:
+            known = ", ".join(sorted((name[1:] for name in vars(termios) if name[1:].isdigit()), key=int))
+            raise ValueError(f"serial: got a rate of {baud} bit/s, must be one of {known}")
+        self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        with suppress(termios.error):  # a pipe has no rate
+            tty.setraw(self._file)
+            *flags, _, _, characters = termios.tcgetattr(self._file)
+            termios.tcsetattr(self._file, termios.TCSANOW, [*flags, speed, speed, characters])
+        self._begun = b""
 
-    def send(self, data: bytes) -> bool:
-        """Send a packet; return whether the line took it."""
-        frame = framed(data)
-        with suppress(OSError):  # also the errors of pyserial
-            return bool(self._port.write(frame) == len(frame))
-        return False
+    def send(self, data: bytes) -> None:
+        """Send a packet, if the line takes it at once. A part of a packet is refused by its checksum."""
+        with suppress(OSError):
+            os.write(self._file, data)
 
     def receive(self, timeout: float) -> Received:
         """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
-        until, data = time.monotonic() + timeout, b""
-        while True:
-            with suppress(OSError):
-                data = self._port.read(16 * LARGEST)
-            if data or time.monotonic() >= until:
-                return [(packet, None) for packet in self._frames.feed(data)]
-            time.sleep(min(1e-3, max(0.0, until - time.monotonic())))
+        until, found = time.monotonic() + timeout, []
+        while not found and select.select([self._file], [], [], max(0.0, until - time.monotonic()))[0]:
+            try:
+                self._begun += os.read(self._file, 16 * LARGEST)
+            except OSError:  # the other end is gone, and its error can be read all the time
+                time.sleep(max(0.0, until - time.monotonic()))
+                break
+            while (packet := next_packet(self._begun))[0]:
+                found.append((packet[0], None))
+                self._begun = packet[1]
+            self._begun = packet[1]
+        return found
 
     def close(self) -> None:
-        """Close the port."""
-        self._port.close()
+        """Close the device."""
+        os.close(self._file)
 
 
 class Impaired:
@@ -189,36 +150,20 @@ class Impaired:
     """
 
     def __init__(self, link: Link, delay: float = 0.0, jitter: float = 0.0, loss: float = 0.0, seed: int = 0) -> None:
-        self._link, self.delay, self.jitter, self.loss = link, delay, jitter, loss
-        self._random, self._order = np.random.default_rng(seed), count()
-        self._out: list[tuple[float, int, bytes]] = []
-        self._in: list[tuple[float, int, tuple[bytes, Any]]] = []
+        self._link, self._delay, self._jitter, self._loss = link, delay, jitter, loss
+        self._random = np.random.default_rng(seed)
+        self._out: list[tuple[float, float, bytes]] = []
+        self._in: list[tuple[float, float, tuple[bytes, Any]]] = []
+        self.peer: Any = None
 
-    @property
-    def peer(self) -> Any:
-        """Address that packets are sent to."""
-        return self._link.peer
+    def _late(self, queue: list[Any], packet: Any) -> None:
+        late, order, lost = self._random.uniform(size=3)
+        if lost >= self._loss:
+            heapq.heappush(queue, (time.monotonic() + self._delay + self._jitter * late, order, packet))
 
-    @peer.setter
-    def peer(self, address: Any) -> None:
-        self._link.peer = address
-
-    def _due(self) -> float | None:
-        """Return when a packet arrives that leaves now, or None if it is lost."""
-        lost = self._random.uniform() < self.loss
-        due = time.monotonic() + self.delay + self.jitter * self._random.uniform()
-        return None if lost else due
-
-    def send(self, data: bytes) -> bool:
+    def send(self, data: bytes) -> None:
         """Send a packet later, if it is not lost."""
-        if (due := self._due()) is not None:
-            heapq.heappush(self._out, (due, next(self._order), data))
-        self._pass(time.monotonic())
-        return True
-
-    def _pass(self, now: float) -> None:
-        while self._out and self._out[0][0] <= now:
-            self._link.send(heapq.heappop(self._out)[2])
+        self._late(self._out, data)
 
     def receive(self, timeout: float) -> Received:
         """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
@@ -227,10 +172,10 @@ class Impaired:
         while True:
             wake = min([until, *(queue[0][0] for queue in (self._in, self._out) if queue)])
             for packet in self._link.receive(wake - time.monotonic()):
-                if (due := self._due()) is not None:
-                    heapq.heappush(self._in, (due, next(self._order), packet))
-            now = time.monotonic()
-            self._pass(now)
+                self._late(self._in, packet)
+            now, self._link.peer = time.monotonic(), self.peer
+            while self._out and self._out[0][0] <= now:
+                self._link.send(heapq.heappop(self._out)[2])
             while self._in and self._in[0][0] <= now:
                 found.append(heapq.heappop(self._in)[2])
             if found or now >= until:

@@ -1,6 +1,6 @@
 """Packets between a controller and a robot, version 1.
 
-A packet is a datagram of UDP, or a frame on a serial line (`control.bridge.framing`). All numbers are little-endian:
+A packet is a datagram of UDP, or a piece of the bytes of a serial line. All numbers are little-endian:
 
     header   magic "WORM", version u8, kind u8, flags u16, segments N u16, parts u16, session u32, number u32,
              time u64, echo u64, echo received u64, taken u64                                             (52 bytes)
@@ -29,11 +29,10 @@ import numpy as np
 from worm3d.values.arrays import FloatArray
 
 MAGIC, VERSION = b"WORM", 1
-HEADER = struct.Struct("<4sBBHHHIIQQQQ")
-CHECK = struct.Struct("<I")
+HEADER, CHECK = struct.Struct("<4sBBHHHIIQQQQ"), struct.Struct("<I")
 MICROSECOND = 1e-6
 RESTING = 1
-"""Flag of a sample: the robot rests, since no valid command has arrived for some time."""
+"""Flag of a sample: the robot rests, since no valid command has arrived for some time, or by command."""
 LARGEST = 4096
 """Greatest length of a packet [bytes], which a worm of 70 segments with all sensors needs."""
 
@@ -60,6 +59,7 @@ PARTS = {
 """Shape of each part of a packet, for N segments. The first two make a command (`worm3d.Command`), the others are
 channels of sensors with the units of `control.sensing.sensors.QUANTITIES`. The bit of a part is its place here."""
 COMMANDED = ("contraction", "hinge")
+CHANNELS = tuple(name for name in PARTS if name not in COMMANDED)
 
 
 class Refusal(Enum):
@@ -68,7 +68,7 @@ class Refusal(Enum):
     LENGTH = "shorter or longer than its header says"
     FOREIGN = "not of this protocol"
     VERSION = "of another version of the protocol"
-    CHECK = "damaged, its checksum does not fit"
+    CHECK = "damaged, as its checksum shows"
     KIND = "of an unknown kind, or of the wrong side"
     SEGMENTS = "for a worm with another number of segments"
     VALUE = "with a number that is not finite, or a contraction that is not below 1"
@@ -97,13 +97,22 @@ def shape(part: str, segments: int) -> tuple[int, ...]:
     return tuple(sizes[size] if isinstance(size, str) else size for size in PARTS[part])
 
 
+def sizes(mask: int, segments: int) -> dict[str, int]:
+    """Return the number of values of each part whose bit is set in a mask."""
+    return {name: int(np.prod(shape(name, segments))) for bit, name in enumerate(PARTS) if mask >> bit & 1}
+
+
+def mask_of(values: Mapping[str, object]) -> int:
+    """Return the mask with the bits of some parts."""
+    return sum(1 << bit for bit, name in enumerate(PARTS) if name in values)
+
+
 def encoded(packet: Packet, segments: int) -> bytes:
     """Return a packet as bytes."""
-    mask = sum(1 << bit for bit, name in enumerate(PARTS) if name in packet.values)
     times = (round(t / MICROSECOND) for t in (packet.time, packet.echo, packet.echo_received, packet.taken))
-    head = HEADER.pack(MAGIC, VERSION, packet.kind, packet.flags, segments, mask, packet.session, packet.number, *times)
+    named = MAGIC, VERSION, packet.kind, packet.flags, segments, mask_of(packet.values), packet.session, packet.number
     parts = (np.asarray(packet.values[name], dtype="<f4").tobytes() for name in PARTS if name in packet.values)
-    body = head + b"".join(parts)
+    body = HEADER.pack(*named, *times) + b"".join(parts)
     return body + CHECK.pack(zlib.crc32(body))
 
 
@@ -112,27 +121,45 @@ def decoded(data: bytes, segments: int) -> Packet | Refusal:
     if len(data) < HEADER.size + CHECK.size:
         return Refusal.LENGTH
     magic, version, kind, flags, n, mask, session, number, *times = HEADER.unpack_from(data)
-    if magic != MAGIC:
-        return Refusal.FOREIGN
-    if version != VERSION:
-        return Refusal.VERSION
-    if CHECK.unpack_from(data, len(data) - CHECK.size)[0] != zlib.crc32(data[: -CHECK.size]):
-        return Refusal.CHECK
-    if kind not in {*Kind} or mask >> len(PARTS):
-        return Refusal.KIND
-    if n != segments:
-        return Refusal.SEGMENTS
-    names = [name for bit, name in enumerate(PARTS) if mask >> bit & 1]
-    sizes = [int(np.prod(shape(name, n))) for name in names]
-    if len(data) != HEADER.size + 4 * sum(sizes) + CHECK.size:
-        return Refusal.LENGTH
-    numbers = np.frombuffer(data, "<f4", sum(sizes), HEADER.size).astype(float)
-    parts = np.split(numbers, np.cumsum(sizes)[:-1]) if sizes else []
-    values = {name: part.reshape(shape(name, n)) for name, part in zip(names, parts, strict=True)}
+    parts = sizes(mask, n) if n else {}
+    wrong = {
+        Refusal.FOREIGN: magic != MAGIC,
+        Refusal.VERSION: version != VERSION,
+        Refusal.CHECK: CHECK.unpack(data[-CHECK.size :])[0] != zlib.crc32(data[: -CHECK.size]),
+        Refusal.KIND: kind not in {*Kind} or mask >> len(PARTS) != 0,
+        Refusal.SEGMENTS: n != segments,
+        Refusal.LENGTH: len(data) != HEADER.size + 4 * sum(parts.values()) + CHECK.size,
+    }
+    for reason, holds in wrong.items():
+        if holds:
+            return reason
+    numbers = np.frombuffer(data, "<f4", sum(parts.values()), HEADER.size).astype(float)
+    pieces = np.split(numbers, np.cumsum([*parts.values()])[:-1]) if parts else []
+    values = {name: piece.reshape(shape(name, n)) for name, piece in zip(parts, pieces, strict=True)}
     if not np.isfinite(numbers).all() or (values.get("contraction", np.zeros(1)) >= 1.0).any():
         return Refusal.VALUE
     time, echo, echo_received, taken = (MICROSECOND * each for each in times)
     return Packet(Kind(kind), session, number, time, values, flags, echo, echo_received, taken)
+
+
+def next_packet(data: bytes) -> tuple[bytes, bytes]:
+    """Return the first packet in the bytes of a serial line, and the bytes after it.
+
+    The packet is empty if none is complete. Bytes that cannot begin a packet are dropped.
+    """
+    while (begin := data.find(MAGIC)) >= 0:
+        data = data[begin:]
+        if len(data) < HEADER.size:
+            return b"", data
+        header = HEADER.unpack_from(data)
+        length = HEADER.size + 4 * sum(sizes(header[5], max(1, header[4])).values()) + CHECK.size
+        if length > LARGEST or (
+            len(data) >= length and zlib.crc32(data[: length - 4]) != CHECK.unpack_from(data, length - 4)[0]
+        ):
+            data = data[1:]
+        else:
+            return (data[:length], data[length:]) if len(data) >= length else (b"", data)
+    return b"", data[-len(MAGIC) + 1 :]
 
 
 class Inbox:
@@ -144,8 +171,7 @@ class Inbox:
 
     def __init__(self, segments: int, kinds: Mapping[Kind, tuple[str, ...]]) -> None:
         self.segments, self._kinds = segments, kinds
-        self.session, self.number = 0, -1
-        self.accepted = 0
+        self.session, self.number, self.accepted = 0, -1, 0
         self.refused: Counter[Refusal] = Counter()
 
     def open(self, session: int) -> None:
@@ -156,20 +182,16 @@ class Inbox:
         """Return the packet in some bytes, or None if it is refused. A packet BEGIN may be of any session."""
         packet = decoded(data, self.segments)
         if isinstance(packet, Packet):
-            packet = self._fitting(packet) or packet
+            packet = self._wrong(packet) or packet
         if isinstance(packet, Refusal):
-            self.refuse(packet)
+            self.refused[packet] += 1
             return None
         self.accepted += 1
         if packet.kind is not Kind.BEGIN:
             self.number = packet.number
         return packet
 
-    def refuse(self, reason: Refusal) -> None:
-        """Count a packet as refused."""
-        self.refused[reason] += 1
-
-    def _fitting(self, packet: Packet) -> Refusal | None:
+    def _wrong(self, packet: Packet) -> Refusal | None:
         if packet.kind not in self._kinds or not {*self._kinds[packet.kind]} <= packet.values.keys():
             return Refusal.KIND
         if packet.kind is Kind.BEGIN:

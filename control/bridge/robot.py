@@ -90,7 +90,7 @@ class RobotSide:
         if packet.session == self.inbox.session and self.inbox.number < 0:
             return True  # repeated, as the first one may be lost
         if packet.session in self._used or not self.resting:
-            self.inbox.refuse(Refusal.SESSION)
+            self.inbox.refused[Refusal.SESSION] += 1
             return False
         self._used.add(packet.session)
         self.inbox.open(packet.session)
@@ -154,11 +154,11 @@ def serve(
     try:
         while goes_on(side):
             due, _ = following(due, math.nan, period, time.monotonic())
-            while (wait := due - time.monotonic()) > 0.0:
+            wait = period
+            while wait > 0.0:  # looks at the link at least once
+                wait = due - time.monotonic()
                 for data, source in link.receive(wait):
                     side.take(data, source, time.monotonic())
-            for data, source in link.receive(0.0):
-                side.take(data, source, time.monotonic())
             side.tick(time.monotonic())
     finally:
         if side.begun:

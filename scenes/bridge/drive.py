@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import typer
 
-from control.bridge.bridge import GIVE_UP, LEAD, Bridge, NoRobotError, Step, drive
+from control.bridge.bridge import Bridge, NoRobotError, Step, drive
 from control.loop import Driver
 from control.sensing.sensors import Measurement, Sample
 from scenes.bridge import record as records
@@ -21,14 +19,12 @@ from scenes.models.loading import Scene
 from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import gait_of, start_of, worm_of
 from scenes.records import folder as folders
-from scenes.records.folder import SUMMARY, VIEWER, write_bytes
 from scenes.records.record import Record
 from scenes.records.store import export_csv, save
 from scenes.records.text import json_bytes
 from scenes.running import drawing, terminal
 from scenes.running.runner import EXIT_CODES
 from scenes.running.terminal import Interruption, busy, progress
-from worm3d import Command
 from worm3d.running.actuation import Controller
 
 MODELS = ("worm", "worm_control")
@@ -38,18 +34,8 @@ WARM_UP = 4.0
 makes plans after the first three waves."""
 
 
-@dataclass(frozen=True)
-class Options:
-    """Options of the command, described in `worm3d bridge --help`."""
-
-    lead: float = LEAD
-    give_up: float = GIVE_UP
-    force: bool = False
-    quiet: bool = False
-
-
-def run(scene: Scene, address: str, out: Path | None, options: Options) -> int:
-    """Drive a robot, write the results, and return the exit code.
+def run(scene: Scene, address: str, lead: float, give_up: float, out: Path | None, *, force: bool, quiet: bool) -> int:
+    """Drive a robot, write the results, and return the exit code. Parameters as in `worm3d bridge --help`.
 
     Raises
     ------
@@ -58,42 +44,45 @@ def run(scene: Scene, address: str, out: Path | None, options: Options) -> int:
     DiscError
         The link cannot be opened, or the folder cannot be written.
     """
-    if scene.model.name not in MODELS:
-        raise SceneError(f"bridge: got a scene of the model {scene.model.name!r}, must be one of {', '.join(MODELS)}")
-    with folders.prepared(out, scene.name, force=options.force) as folder:
-        found = _driven(scene, address, options)
-        late = Interruption()
-        with late, busy("drawing", quiet=options.quiet):
-            _write(found, folder)
-    status = EXIT_CODES[found.status]
-    for fault in terminal.warnings(found):
-        typer.echo(f"warning: {fault}", err=True)
-    if status or not options.quiet:
-        typer.echo(
-            "\n  ".join((f"{scene.name}: {found.sentence}", *records.lines(found), f"files: {folder}")),
-            err=bool(status),
-        )
+    require_worm(scene, "bridge")
+    with folders.prepared(out, scene.name, force=force) as folder:
+        record = _driven(scene, address, lead, give_up, quiet=quiet)
+        with Interruption(), busy("drawing", quiet=quiet):
+            _write(record, folder)
+    status = EXIT_CODES[record.status]
+    for warning in terminal.warnings(record):
+        typer.echo(f"warning: {warning}", err=True)
+    if status or not quiet:
+        text = (f"{scene.name}: {record.sentence}", *records.lines(record), f"{'files':22}{folder}")
+        typer.echo("\n  ".join(text), err=bool(status))
     return status
 
 
-def _driven(scene: Scene, address: str, options: Options) -> Record:
+def require_worm(scene: Scene, command: str) -> None:
+    """Raise SceneError unless a scene can drive a robot, and be one."""
+    if scene.model.name not in MODELS:
+        raise SceneError(
+            f"{command}: got a scene of the model {scene.model.name!r}, must be one of {', '.join(MODELS)}"
+        )
+
+
+def _driven(scene: Scene, address: str, lead: float, give_up: float, *, quiet: bool) -> Record:
     step, driver = step_of(scene)
     given, segments = scene.settings.run, scene.settings.worm.segments
-    say: Callable[[str], None] = (lambda text: None) if options.quiet else (lambda text: typer.echo(text, err=True))
     try:
-        bridge = Bridge(address=address, segments=segments, ticks=given.steps, period=given.dt_s, lead=options.lead)
-    except (ValueError, ImportError) as error:
+        bridge = Bridge(address, segments, given.steps, period=given.dt_s, lead=lead)
+    except ValueError as error:
         raise SceneError(f"--to: {error}") from error
     except OSError as error:
         raise DiscError(f"--to: cannot open {address}: {error}") from error
     try:
-        with bridge, Interruption() as stop, progress(scene.name, given.steps, quiet=options.quiet) as show:
+        with bridge, Interruption() as stop, progress(scene.name, given.steps, quiet=quiet) as show:
 
             def goes_on(tick: int) -> bool:
                 show(tick)
                 return not stop.requested
 
-            ending = drive(step, bridge, give_up=options.give_up, goes_on=goes_on, say=say)
+            ending = drive(step, bridge, give_up=give_up, goes_on=goes_on, say=lambda text: typer.echo(text, err=True))
     except NoRobotError as error:
         raise SceneError(f"bridge: {error}") from error
     return records.record_of(scene, bridge, ending, driver)
@@ -112,31 +101,29 @@ def step_of(scene: Scene) -> tuple[Step, Phased | None]:
         bound.reset()
         bound.step(0.0, None)
         return bound.step, None
-    function: Callable[[float], Command] = bound
-    return lambda t, measurement: function(t), None
+    return lambda t, measurement: bound(t), None
 
 
 def _warm(controller: Driver, scene: Scene) -> None:
     """Let a controller see a robot that lies still."""
-    given = scene.settings
+    given, random = scene.settings, np.random.default_rng(0)
     worm = worm_of(given)
     com = start_of(given, worm, world_of(given.world)).joints.mean(axis=0)
     controller.reset()
     for k in range(round(WARM_UP / given.run.dt_s)):
-        t = k * given.run.dt_s
-        strain = Sample(1e-3 * np.random.default_rng(k).standard_normal((worm.segments, 2)), t)
-        controller.step(t, Measurement(t, strain=strain, com=Sample(com + 1e-6 * k, t)))
+        t, noise = k * given.run.dt_s, 1e-3 * random.standard_normal((worm.segments, 2))
+        controller.step(t, Measurement(t, strain=Sample(noise, t), com=Sample(com + 1e-6 * k, t)))
 
 
 def _write(record: Record, folder: Path) -> None:
     """Write the result, the summary, the tables for fits and for a replay, the figures and the page."""
     save(record, folder / folders.RESULT)
     drawing.clear_pictures(folder)
-    write_bytes(folder / SUMMARY, json_bytes(record.summary.to_dict()))
+    folders.write_bytes(folder / folders.SUMMARY, json_bytes(record.summary.to_dict()))
     for name, table in records.tables(record).items():
         export_csv(table, folder / name)
     if len(record["time"]) > 1:
         pictures = drawing.pictures_of(record)
         drawing.plot(record, pictures, folder)
         if pictures.view is not None:
-            drawing.view(record, pictures, folder / VIEWER)
+            drawing.view(record, pictures, folder / folders.VIEWER)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,10 @@ import numpy as np
 import typer
 
 import worm3d
-from control.bridge.links import Impaired, Udp, opened
-from control.bridge.robot import WATCHDOG, Robot, RobotSide, serve
+from control.bridge.links import Impaired, opened
+from control.bridge.robot import Robot, serve
 from control.sensing.sensors import Sample, Sensors
-from scenes.bridge.drive import MODELS
+from scenes.bridge.drive import require_worm
 from scenes.language.errors import DiscError, SceneError
 from scenes.language.schema import keys_in
 from scenes.models.control.build import sensors_of
@@ -34,15 +34,6 @@ from worm3d.running.run import Run
 
 SPARE = 60.0
 """Time for which a simulated robot can run in addition to twice the duration of its scene [s]."""
-
-
-@dataclass(frozen=True)
-class Impairment:
-    """Faults of the line of a simulated robot: delay and jitter [s], and probability of loss; each way."""
-
-    delay: float = 0.0
-    jitter: float = 0.0
-    loss: float = 0.0
 
 
 class SimulatedRobot(Robot):
@@ -100,32 +91,33 @@ def _true(scene: Scene) -> Scene:
     return trusted_scene({**written, "model": "worm"}, scene.name)
 
 
-def run(scene: Scene, address: str, impaired: Impairment, out: Path | None, *, force: bool, quiet: bool) -> int:
-    """Run a simulated robot until Ctrl-C, and return the exit code. With `out`, the true run is written there."""
-    if scene.model.name not in MODELS:
-        raise SceneError(f"robot: got a scene of the model {scene.model.name!r}, must be one of {', '.join(MODELS)}")
-    say: Callable[[str], None] = (lambda text: None) if quiet else (lambda text: typer.echo(text, err=True))
+def run(scene: Scene, address: str, line: Sequence[float], out: Path | None, *, force: bool, quiet: bool) -> int:
+    """Run a simulated robot until Ctrl-C, and return the exit code. With `out`, the true run is written there.
+
+    `line` are the delay and the jitter of the line [s], and the probability of a loss, each way.
+    """
+    require_worm(scene, "robot")
     robot = SimulatedRobot(scene)
     try:
         plain = opened(address, listen=True)
-    except (ValueError, ImportError) as error:
+    except ValueError as error:
         raise SceneError(f"--listen: {error}") from error
     except OSError as error:
         raise DiscError(f"--listen: cannot open {address}: {error}") from error
-    link = Impaired(plain, impaired.delay, impaired.jitter, impaired.loss, scene.settings.seed)
-    say(f"{scene.name}: the robot listens at {address if not isinstance(plain, Udp) else f'port {plain.port}'}")
-    with Interruption() as interruption:
-
-        def goes_on(side: RobotSide) -> bool:
-            return not (interruption.requested or robot.over)
-
-        side = serve(robot, link, watchdog=WATCHDOG, period=scene.settings.run.dt_s, goes_on=goes_on)
+    link = Impaired(plain, *line, seed=scene.settings.seed)
+    if not quiet:
+        typer.echo(f"{scene.name}: the robot listens at {address}", err=True)
+    with Interruption() as stop:
+        period = scene.settings.run.dt_s
+        side = serve(robot, link, period=period, goes_on=lambda side: not (stop.requested or robot.over))
     link.close()
     refused = ", ".join(f"{count} {reason.value}" for reason, count in side.inbox.refused.items()) or "none"
-    say(f"{scene.name}: packets: {side.inbox.accepted} accepted; refused: {refused}; at rest {side.rests} times")
+    if not quiet:
+        text = f"{side.inbox.accepted} packets accepted; refused: {refused}; at rest {side.rests} times"
+        typer.echo(f"{scene.name}: {text}", err=True)
     if out is not None and side.begun:
         true = _true(scene)
-        keep_run(true, outcome(robot.result(), true.settings), out, force=force, quiet=quiet)
+        return keep_run(true, outcome(robot.result(), true.settings), out, force=force, quiet=quiet)
     if robot.status.diverged:
         typer.echo(f"diverged: {robot.result().stop.sentence}", err=True)
     return EXIT_CODES["diverged" if robot.status.diverged else "done"]

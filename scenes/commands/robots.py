@@ -36,10 +36,10 @@ def bridge(
     the key gait.file. If the robot falls silent, the command says so, calls it, and goes on when it answers. The exit
     code is 3 if it does not.
     """
-    from scenes.bridge.drive import Options, run
+    from scenes.bridge.drive import run
     from scenes.models.loading import load_scene
 
-    raise typer.Exit(run(load_scene(scene, o or ()), to, out, Options(lead, give_up, force, quiet)))
+    raise typer.Exit(run(load_scene(scene, o or ()), to, lead, give_up, out, force=force, quiet=quiet))
 
 
 @robots.command()
@@ -60,8 +60,8 @@ def robot(
     The robot is the worm of the scene with its sensors; -o gives it other parameters than the controller believes.
     After Ctrl-C, the true run is written to the folder --out if there is one.
     """
-    from scenes.bridge.simulated import Impairment, run
+    from scenes.bridge.simulated import run
     from scenes.models.loading import load_scene
 
-    impaired = Impairment(delay, jitter, loss)
-    raise typer.Exit(run(load_scene(scene, o or ()), listen, impaired, out, force=force, quiet=quiet))
+    line = delay, jitter, loss
+    raise typer.Exit(run(load_scene(scene, o or ()), listen, line, out, force=force, quiet=quiet))

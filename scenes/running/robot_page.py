@@ -61,7 +61,7 @@ def body(record: Record, worm: Any, rows: list[int]) -> dict[str, FloatArray]:
     given = zip(joints, directors, length, contraction, strict=True)
     apexes = np.array([apexes_of(worm, *each) for each in given])
     ends = np.stack([joints[:, :-1], joints[:, 1:]], axis=2)
-    none = np.zeros(len(rows))
+    unknown = {"contact_force": (n, 8, 3), "normal_load": (n, 6), "slip": (n, 6), "joint_load": (n + 1,)}
     return {
         "time": time[rows],
         "joints": joints,
@@ -69,11 +69,7 @@ def body(record: Record, worm: Any, rows: list[int]) -> dict[str, FloatArray]:
         "directors": directors,
         "chamber_length": length,
         "com": com,
-        "contact_force": np.zeros((len(rows), n, 8, 3)),
-        "normal_load": np.tile(none[:, None, None], (1, n, 6)),
-        "slip": np.tile(none[:, None, None], (1, n, 6)),
-        "joint_load": np.tile(none[:, None], (1, n + 1)),
-        "joint_slip": np.tile(none[:, None], (1, n + 1)),
+        **{name: np.zeros((len(rows), *inner)) for name, inner in {**unknown, "joint_slip": (n + 1,)}.items()},
     }
 
 
