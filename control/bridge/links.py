@@ -125,17 +125,19 @@ class Serial:
 
     def receive(self, timeout: float) -> Received:
         """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
-        until, found = time.monotonic() + timeout, []
+        until = time.monotonic() + timeout
+        found: Received = []
         while not found and select.select([self._file], [], [], max(0.0, until - time.monotonic()))[0]:
-            try:
-                self._begun += os.read(self._file, 16 * LARGEST)
-            except OSError:  # the other end is gone, and its error can be read all the time
+            data = b""
+            with suppress(OSError):
+                data = os.read(self._file, 16 * LARGEST)
+            if not data:  # the other end is gone, which can be read all the time
                 time.sleep(max(0.0, until - time.monotonic()))
                 break
-            while (packet := next_packet(self._begun))[0]:
-                found.append((packet[0], None))
-                self._begun = packet[1]
-            self._begun = packet[1]
+            packet, self._begun = next_packet(self._begun + data)
+            while packet:
+                found.append((packet, None))
+                packet, self._begun = next_packet(self._begun)
         return found
 
     def close(self) -> None:

@@ -152,13 +152,13 @@ def next_packet(data: bytes) -> tuple[bytes, bytes]:
         if len(data) < HEADER.size:
             return b"", data
         header = HEADER.unpack_from(data)
-        length = HEADER.size + 4 * sum(sizes(header[5], max(1, header[4])).values()) + CHECK.size
-        if length > LARGEST or (
-            len(data) >= length and zlib.crc32(data[: length - 4]) != CHECK.unpack_from(data, length - 4)[0]
-        ):
-            data = data[1:]
-        else:
-            return (data[:length], data[length:]) if len(data) >= length else (b"", data)
+        end = HEADER.size + 4 * sum(sizes(header[5], max(1, header[4])).values())
+        length = end + CHECK.size
+        if length <= LARGEST and len(data) < length:
+            return b"", data
+        if length <= LARGEST and zlib.crc32(data[:end]) == CHECK.unpack_from(data, end)[0]:
+            return data[:length], data[length:]
+        data = data[1:]
     return b"", data[-len(MAGIC) + 1 :]
 
 

@@ -61,9 +61,8 @@ def run(scene: Scene, address: str, lead: float, give_up: float, out: Path | Non
 def require_worm(scene: Scene, command: str) -> None:
     """Raise SceneError unless a scene can drive a robot, and be one."""
     if scene.model.name not in MODELS:
-        raise SceneError(
-            f"{command}: got a scene of the model {scene.model.name!r}, must be one of {', '.join(MODELS)}"
-        )
+        model, known = scene.model.name, ", ".join(MODELS)
+        raise SceneError(f"{command}: got a scene of the model {model!r}, must be one of {known}")
 
 
 def _driven(scene: Scene, address: str, lead: float, give_up: float, *, quiet: bool) -> Record:

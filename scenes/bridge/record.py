@@ -93,9 +93,7 @@ def record_of(scene: Scene, bridge: Bridge, ending: Ending, driver: Phased | Non
             *_commands("command", told[tick], board.segments),
             *(variables_of(decisions, waves) if driver else ()),
             Variable("sent_time", ("sent",), bridge.period * np.arange(ticks), "s", "instants of the commands"),
-            Variable(
-                "sent_late", ("sent",), board.sent[:ticks, 0], "s", "by how much the packet of a command was late"
-            ),
+            Variable("sent_late", ("sent",), board.sent[:ticks, 0], "s", "lateness of their packets"),
             Variable("sent", ("sent", "number"), told, "SI", "contractions [left, right], hinge angles [rad]"),
         ),
         timing=timing_of(decisions, driver.seconds, bridge.period, given.controller.period_s) if driver else (),

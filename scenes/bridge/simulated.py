@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,9 @@ def _true(scene: Scene) -> Scene:
     return trusted_scene({**written, "model": "worm"}, scene.name)
 
 
-def run(scene: Scene, address: str, line: Sequence[float], out: Path | None, *, force: bool, quiet: bool) -> int:
+def run(
+    scene: Scene, address: str, line: tuple[float, float, float], out: Path | None, *, force: bool, quiet: bool
+) -> int:
     """Run a simulated robot until Ctrl-C, and return the exit code. With `out`, the true run is written there.
 
     `line` are the delay and the jitter of the line [s], and the probability of a loss, each way.
@@ -104,7 +106,7 @@ def run(scene: Scene, address: str, line: Sequence[float], out: Path | None, *, 
         raise SceneError(f"--listen: {error}") from error
     except OSError as error:
         raise DiscError(f"--listen: cannot open {address}: {error}") from error
-    link = Impaired(plain, *line, seed=scene.settings.seed)
+    link = Impaired(plain, *line, scene.settings.seed)
     if not quiet:
         typer.echo(f"{scene.name}: the robot listens at {address}", err=True)
     with Interruption() as stop:
