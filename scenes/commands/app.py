@@ -23,6 +23,7 @@ from scenes.commands.arguments import (
     path_of,
 )
 from scenes.commands.batch import batch
+from scenes.commands.robots import robots
 from scenes.language.errors import SceneError
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ SECTIONS = {
     "Scenes": ("run", "check", "list", "init"),
     "Results": ("plot", "view", "export", "compare"),
     "Many runs": ("sweep", "study", "fit", "optimise", "learn"),
+    "Robots": ("bridge", "robot"),
     "Soft segments": ("fem", "law"),
 }
 """Groups of commands in the help, by title."""
@@ -59,6 +61,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.add_typer(batch)
+app.add_typer(robots)
 app.add_typer(studies.study, name="study")
 
 

@@ -56,7 +56,7 @@ def load(path: Path) -> Record:
     return Record(
         name=path.stem,
         model=MEASURED_MODEL,
-        scene=_scene(header),
+        scene=as_scene(header),
         status="done",
         sentence="measured",
         seed=0,
@@ -239,8 +239,8 @@ def _instants(variables: tuple[Variable, ...], lines: list[int]) -> FloatArray:
     return time
 
 
-def _scene(header: dict[str, str]) -> str:
-    """Return the header of a measurement as TOML, which is stored in place of the scene of a record."""
+def as_scene(header: dict[str, str]) -> str:
+    """Return the header of a measurement as TOML, which a record stores in place of a scene."""
     title = [f"title = {toml_value(header['title'])}"] if "title" in header else []
     lines = (f"{toml_value(name)} = {toml_value(text)}" for name, text in header.items())
     return "\n".join([f"model = {toml_value(MEASURED_MODEL)}", *title, "", "[header]", *lines]) + "\n"

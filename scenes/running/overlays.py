@@ -18,6 +18,7 @@ from scenes.models.base import Pictures
 from scenes.records import measured
 from scenes.records.columns import MARKER
 from scenes.records.record import Record
+from scenes.running.robot_page import is_shown, view
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import AXES
 
@@ -167,7 +168,8 @@ def measured_pictures(record: Record) -> Pictures:
     """Return the figures whose data a measurement contains."""
     present = [stem for stem, draw in OVERLAYS.items() if draw({record.title: record}) is not None]
     figures = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
-    return Pictures(name=measured.MEASURED_MODEL, title="a measurement", figures=figures, overview=None)
+    page = view if is_shown(record) else None
+    return Pictures(name=measured.MEASURED_MODEL, title="a measurement", figures=figures, overview=None, view=page)
 
 
 def _of_one(draw: Overlay, record: Record) -> tuple[Figure, Axes]:

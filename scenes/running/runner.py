@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import typer
@@ -51,7 +52,13 @@ def run_scene(
         If the folder cannot be used, or a file cannot be written.
     """
     with folders.prepared(out, scene.name, force=force) as folder:
-        return _run_into(folder, scene, earlier, quiet=quiet)
+        return _run_into(folder, scene, lambda: _simulate_patiently(scene, earlier, quiet=quiet), quiet=quiet)
+
+
+def keep_run(scene: Scene, outcome: Outcome, out: Path, *, force: bool = False, quiet: bool = False) -> int:
+    """Write the results of a run that has ended, and return the exit code. Parameters and errors as in `run_scene`."""
+    with folders.prepared(out, scene.name, force=force) as folder:
+        return _run_into(folder, scene, lambda: record_of(scene, outcome), quiet=quiet)
 
 
 def lengthened(earlier: Record, more: float | None = None) -> Scene:
@@ -94,10 +101,10 @@ def lengthened(earlier: Record, more: float | None = None) -> Scene:
     return parse_scene(earlier.scene, earlier.name, [f"run.duration_s={total!r}"])
 
 
-def _run_into(folder: Path, scene: Scene, earlier: Record | None, *, quiet: bool) -> int:
+def _run_into(folder: Path, scene: Scene, recorded: Callable[[], Record], *, quiet: bool) -> int:
     kept, late = "nothing of this run was kept", Interruption()
     try:
-        record = _simulate_patiently(scene, earlier, quiet=quiet)
+        record = recorded()
         with late:
             _keep(record, folder)
         kept = f"{folder / RESULT} is safe, 'worm3d plot {folder}' draws it"
@@ -160,6 +167,11 @@ def simulate(
         if own:
             raise SceneError(f"{scene.name}: {named.raised(error, own)}") from error
         raise
+    return record_of(scene, outcome)
+
+
+def record_of(scene: Scene, outcome: Outcome) -> Record:
+    """Return the record of a run of a scene."""
     return Record(
         name=scene.name,
         model=scene.model.name,

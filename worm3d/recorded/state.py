@@ -236,7 +236,8 @@ def _laid(
         if world.clamped:
             return joints, left
         directors = np.broadcast_to(left, (worm.segments, 3))
-        points = _apexes(worm, joints, directors, contraction).reshape(-1, 3)
+        rest = np.full((worm.segments, 2), worm.l0)
+        points = apexes_of(worm, joints, directors, rest, contraction).reshape(-1, 3)
         deep = -float(world.distance(np.concatenate([points, _wide_rims(worm, joints, directors)])).min())
         if deep <= TOUCHES * worm.length:
             return joints, left
@@ -245,11 +246,16 @@ def _laid(
     raise StateError(f"state: the worm lies {deep:.3g} m inside the world even if lifted to {clearance:.3g} m; move it")
 
 
-def _apexes(worm: Worm, joints: FloatArray, directors: FloatArray, contraction: FloatArray) -> FloatArray:
-    """Return the apexes of a worm whose chambers have their rest lengths, (E3), shape (N, 6, 3) [m]."""
+def apexes_of(
+    worm: Worm, joints: FloatArray, directors: FloatArray, length: FloatArray, contraction: FloatArray
+) -> FloatArray:
+    """Return the apexes of a worm, (E3), shape (N, 6, 3) [m].
+
+    `length` and `contraction` are the lengths [m] and contractions of the chambers [left, right], shape (N, 2).
+    """
     edges = np.diff(joints, axis=0)
     tangents, middles = edges / np.linalg.norm(edges, axis=1)[:, None], (joints[:-1] + joints[1:]) / 2.0
-    outlines = worm.segment.outlines(worm, np.full((worm.segments, 2), worm.l0), contraction)
+    outlines = worm.segment.outlines(worm, length, contraction)
     sizes = np.column_stack([*outlines, np.full(worm.segments, worm.chamber_offset)])
     points = _rest_apexes(worm.segments)(middles.T, tangents.T, directors.T, sizes.T)
     return np.array(points).T.reshape(worm.segments, 6, 3)

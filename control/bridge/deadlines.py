@@ -1,0 +1,28 @@
+"""Loops that keep deadlines."""
+
+from __future__ import annotations
+
+import math
+import os
+from contextlib import suppress
+
+PRIORITY = 10
+"""Real-time priority of a loop, between 1 and 99: above all usual processes, and below most drivers of the system."""
+
+
+def hurry() -> None:
+    """Ask the system to run this process before all usual ones, where it can, and where the user may ask for it."""
+    with suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+
+
+def following(due: float, began: float, period: float, now: float) -> tuple[float, int]:
+    """Return instant [s] and number of the tick after the instant `due`. Ticks later than a period are left out.
+
+    Before the begin of a run is known (NaN), the number is -1. Before the begin, numbers are below 0.
+    """
+    due = max(due + period, now - period)
+    if math.isnan(began):
+        return due, -1
+    k = round((due - began) / period)
+    return began + k * period, k
