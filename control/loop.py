@@ -35,7 +35,8 @@ from control.sensing.gate import SPAN, Gate
 from control.sensing.sensors import STRAIN, Measurement
 from control.task import ControlTask
 from control.tracking.detour import Body
-from control.tracking.guide import Guide
+from control.tracking.guide import Guide, led
+from control.tracking.references import Reference
 from control.tracking.search import NoWayError
 from worm3d import Command
 from worm3d.values.arrays import FloatArray
@@ -162,6 +163,12 @@ class Driver(ABC):
         self._time: float | None = None
         self._due, self._spent = -inf, 0.0
 
+    def lead(self, reference: Reference) -> None:
+        """Follow another reference from now on. ValueError if its obstacles leave no way."""
+        body = Body.of(self.worm)
+        self.guide = Guide(led(reference, body), body)
+        self.reference = self.watch.reference = self.guide.reference
+
     @property
     def period(self) -> float:
         """Period of the wave at the preferred frequency [s]. `worm3d.simulate` averages over this period."""
@@ -251,6 +258,11 @@ class WaveController(Driver):
         self._kept_count, self._blocked = 0, False
         self._heading_known, self._began = False, 0.0
         self._target = GaitParameters(0.0, self.feed_forward.frequency)
+
+    def lead(self, reference: Reference) -> None:
+        """Follow another reference from now on, also if no way was left for the former one."""
+        super().lead(reference)
+        self.descent.reference, self._blocked = self.reference, False
 
     @property
     def waves(self) -> float:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Fps = Annotated[int | None, typer.Option(min=1, max=50, help="Frames per second of the film; 20 if left out.")]
 
 SECTIONS = {
-    "Scenes": ("run", "check", "list", "init"),
+    "Scenes": ("run", "play", "check", "list", "init"),
     "Results": ("plot", "view", "export", "compare"),
     "Many runs": ("sweep", "study", "fit", "optimise", "learn"),
     "Robots": ("bridge", "robot"),
@@ -147,6 +147,26 @@ def go_on(
 
     earlier = load(result)
     raise typer.Exit(run_scene(lengthened(earlier, duration), out, force=force, quiet=quiet, earlier=earlier))
+
+
+@app.command()
+def play(
+    scene: SceneArgument,
+    o: Overrides = None,
+    speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Simulated over real time, at the start.")] = 1.0,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Only print the address of the page.")] = False,
+    no_code: NoCode = False,
+) -> None:
+    """Play with a scene in a browser while it runs.
+
+    Sliders change the gait, the speed to keep, friction, slope and mass. Arrow keys steer. Drag the worm with the ctrl
+    key to pull it. 'save' writes a scene with the present values, and 'record' a folder of results.
+    """
+    from scenes.models.loading import load_scene
+    from scenes.running import playing, viewing
+
+    opens = (lambda address: False) if no_open else viewing.open_in_browser
+    raise typer.Exit(playing.play(load_scene(scene, o or ()), speed=speed, opens=opens))
 
 
 @app.command()

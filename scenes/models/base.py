@@ -67,6 +67,40 @@ class Watch:
     """Function that is called with the address of the page as soon as the page can be opened."""
 
 
+class Played(Protocol):
+    """What drives the worm of a scene that is played (`scenes.running.playing`), and goes on when values change."""
+
+    steers: str
+    """Text about the effect of the arrow keys."""
+
+    def drive(self) -> tuple[Any, Any]:
+        """Return the actuation and the sensor for the next part of the run, which go on from the part before."""
+
+    def follow(self, scene: Any, time: float) -> None:
+        """Take over the values of a changed scene from a time on [s]."""
+
+    def steer(self, left: float, up: float, heading: float) -> dict[str, float]:
+        """Steer to the left and go faster, by numbers of key presses. `heading` is the present one [rad].
+
+        Return the keys of the scene that have to change, with their new values. With 0 and 0, follow the scene again.
+        """
+
+    def state(self) -> str:
+        """Return how the worm is steered beside the scene, as a text for the page; empty if it is not."""
+
+    def horizon(self, time: float, com: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the path that a controller expects, as for `worm3d.Live`."""
+
+    def path(self, com: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the path to keep near the centre of mass, shape (P, 3) [m], or None."""
+
+    def wanted(self, time: float) -> float | None:
+        """Return the speed that the worm has to keep [m/s], or None."""
+
+    def forget(self) -> None:
+        """Forget what only a record of earlier times would need."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Outcome of a run. If the run ended early, it contains all finished steps."""
@@ -163,6 +197,10 @@ class Model(Pictures, Generic[S]):
     whole run, not only the continuation."""
     watch: Callable[[S, Observer, Watch], Outcome] | None = None
     """Function that runs a scene while a browser shows the run."""
+    played: Callable[[S], Played] | None = None
+    """Function that returns what drives the worm while a scene is played."""
+    recorded: Callable[[S, Any, worm3d.Result], Outcome] | None = None
+    """Function that returns the last part of a played run as an outcome. The second argument is from `played`."""
     beside: Callable[[S, Record, Rows], Mapping[str, Any]] | None = None
     """Function that returns arguments of `worm3d.results.pictures.arrays`: the period of the gait, and what is drawn in
     addition to the worm."""

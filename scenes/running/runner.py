@@ -106,12 +106,12 @@ def _run_into(folder: Path, scene: Scene, recorded: Callable[[], Record], *, qui
     try:
         record = recorded()
         with late:
-            _keep(record, folder)
+            keep(record, folder)
         kept = f"{folder / RESULT} is safe, 'worm3d plot {folder}' draws it"
         if late.requested:
             raise KeyboardInterrupt
         with busy("drawing", quiet=quiet):
-            _draw(record, scene, folder)
+            draw(record, scene, folder)
     except KeyboardInterrupt:
         typer.echo(f"{scene.name}: stopped by {late.cause}; {kept}", err=True)
         return EXIT_CODES["interrupted"]
@@ -131,7 +131,7 @@ def _simulate_patiently(scene: Scene, earlier: Record | None, *, quiet: bool) ->
         return simulate(scene, observer, earlier)
 
 
-def _keep(record: Record, folder: Path) -> None:
+def keep(record: Record, folder: Path) -> None:
     """Write the result, then remove other files of an earlier run in the folder, and write the summary."""
     save(record, folder / RESULT)
     clear_pictures(folder)
@@ -211,7 +211,8 @@ def _timing(outcome: Outcome) -> tuple[Variable, ...]:
     )
 
 
-def _draw(record: Record, scene: Scene, folder: Path) -> None:
+def draw(record: Record, scene: Scene, folder: Path) -> None:
+    """Draw the pictures of a run into a folder."""
     if not is_drawable(record):
         return
     draw_overview(record, scene.model, folder)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -210,10 +212,10 @@ def test_a_run_that_is_watched_shows_the_horizon_as_its_page_does(monkeypatch: p
     places: list[np.ndarray] = []
     show = LiveView.show
 
-    def look(view: LiveView, frames: Frames, caption: str) -> None:
+    def look(view: LiveView, frames: Frames, values: Mapping[str, Any]) -> None:
         seen.append(None if frames.horizon is None else frames.horizon[0])
         places.append(frames.joints[0])
-        show(view, frames, caption)
+        show(view, frames, values)
 
     monkeypatch.setattr(LiveView, "show", look)
     watched = load_scene("path_circle", ["run.duration_s=5"])

@@ -15,6 +15,7 @@ import select
 import shutil
 import signal
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -36,9 +37,14 @@ WIDE, HIGH = 900, 600
 PATIENCE = 60.0
 """How long an answer may take [s]; a page is there within one or two."""
 
-KEYS = {" ": ("Space", 32), "Tab": ("Tab", 9), "Home": ("Home", 36), "Escape": ("Escape", 27), "End": ("End", 35)} | {
-    name: (name, code) for code, name in enumerate(("ArrowLeft", "ArrowUp", "ArrowRight", "ArrowDown"), start=37)
-}
+KEYS = {
+    " ": ("Space", 32),
+    "Tab": ("Tab", 9),
+    "Home": ("Home", 36),
+    "Escape": ("Escape", 27),
+    "End": ("End", 35),
+    ".": ("Period", 190),
+} | {name: (name, code) for code, name in enumerate(("ArrowLeft", "ArrowUp", "ArrowRight", "ArrowDown"), start=37)}
 """Code and number of keys."""
 
 Picture = NDArray[np.int64]
@@ -167,19 +173,31 @@ class Chromium:
         """Click on the middle of an element with the mouse."""
         self.drag(self.place_of(selector), self.place_of(selector), steps=0)
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float], *, steps: int = 12) -> None:
-        """Press the left button at one place of the window, and let it go at another [pixels]."""
-        self._mouse("mouseMoved", start, "none")
-        self._mouse("mousePressed", start, "left")
+    def drag(
+        self,
+        start: tuple[float, float],
+        end: tuple[float, float],
+        *,
+        steps: int = 12,
+        ctrl: bool = False,
+        held: Callable[[], None] | None = None,
+    ) -> None:
+        """Press the left button at one place of the window, and let it go at another [pixels].
+
+        `held` is called before the button is let go.
+        """
+        self._mouse("mouseMoved", start, "none", ctrl)
+        self._mouse("mousePressed", start, "left", ctrl)
         for k in range(1, steps + 1):
             share = k / steps
-            self._mouse(
-                "mouseMoved", tuple((1 - share) * a + share * b for a, b in zip(start, end, strict=True)), "left"
-            )
-        self._mouse("mouseReleased", end, "left")
+            place = tuple((1 - share) * a + share * b for a, b in zip(start, end, strict=True))
+            self._mouse("mouseMoved", place, "left", ctrl)
+        if held is not None:
+            held()
+        self._mouse("mouseReleased", end, "left", ctrl)
         self.settle()
 
-    def _mouse(self, kind: str, place: tuple[float, ...], button: str) -> None:
+    def _mouse(self, kind: str, place: tuple[float, ...], button: str, ctrl: bool = False) -> None:
         held = int(button == "left" and kind != "mouseReleased")
         self.ask(
             "Input.dispatchMouseEvent",
@@ -189,13 +207,14 @@ class Chromium:
             button=button,
             buttons=held,
             clickCount=1,
+            modifiers=2 * int(ctrl),
         )
 
     def press(self, key: str, *, alt: bool = False) -> None:
         """Press a key and let it go."""
         code, number = KEYS[key]
         event = {"key": key, "code": code, "windowsVirtualKeyCode": number, "modifiers": int(alt)}
-        self.ask("Input.dispatchKeyEvent", type="keyDown", **event, **({"text": key} if key == " " else {}))
+        self.ask("Input.dispatchKeyEvent", type="keyDown", **event, **({"text": key} if len(key) == 1 else {}))
         self.ask("Input.dispatchKeyEvent", type="keyUp", **event)
         self.settle()
 

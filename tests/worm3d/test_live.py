@@ -3,7 +3,10 @@
 import socket
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,34 +46,61 @@ def test_a_run_that_is_watched_is_the_same_run_in_real_time() -> None:
 
 def test_every_picture_is_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[np.ndarray] = []
-    captions: list[object] = []
+    speeds: list[float] = []
+    energies: list[np.ndarray] = []
     show = module.LiveView.show
 
-    def look(view: module.LiveView, frames: Frames, caption: str) -> None:
+    def look(view: module.LiveView, frames: Frames, values: Mapping[str, Any]) -> None:
         shown.append(frames.joints[0])
-        captions.append(caption)
-        show(view, frames, caption)
+        speeds.append(values["speed"])
+        energies.append(values["energy"])
+        show(view, frames, values)
 
     monkeypatch.setattr(module.LiveView, "show", look)
     with worm3d.Live(speed=1e9, began=lambda url: None) as live:
-        result = crawl(live=live)
-    assert 3 <= len(shown) < 61, "it does not wait for pictures"
+        result = crawl(live=live, duration=20.0)
+    assert 3 <= len(shown) < 500, "it does not wait for pictures"
     rows = [int(np.argmax((result.joints == joints).all(axis=(1, 2)))) for joints in shown]
     assert rows[0] == 0
-    assert rows[-1] == 60
+    assert rows[-1] == 2000
     assert rows == sorted(rows)
-    assert captions == [module.caption(result, float(result.time[row])) for row in rows]
+    # The speed is the mean over the last period of 0.5 s, from the last picture before it.
+    begin = max(row for row in rows if row <= 1950)
+    moved = np.linalg.norm(result.com[2000] - result.com[begin]) / (0.01 * (2000 - begin))
+    np.testing.assert_allclose(speeds[-1], moved, rtol=1e-9)
+    work, lost = result.energy.work_contract.sum(), result.energy.friction_loss.sum()
+    np.testing.assert_allclose(energies[-1], [work, lost], rtol=1e-9)
 
 
-def test_the_caption_has_time_and_speed() -> None:
-    """Over the period before: 0.5 s; a worm without a gait, over a step."""
-    result = crawl(duration=2.0)
-    moved = np.linalg.norm(result.com[150] - result.com[100]) / 0.5
-    assert module.caption(result, 0.0) == "0.00 s"
-    assert module.caption(result, 1.5) == f"1.50 s   {1e3 * moved:.0f} mm/s"
-    assert 1e3 * moved > 20.0
-    fall = worm3d.simulate(worm3d.Worm(), None, duration=0.1)
-    assert module.caption(fall, 0.1) == f"0.10 s   {1e3 * 9.81 * 0.095:.0f} mm/s"
+def test_the_page_holds_a_run_takes_steps_and_sets_its_speed() -> None:
+    """Two steps of a held run, and then it goes on ten times as fast as real time."""
+    done: list[tuple[float, float]] = []
+    crawl()  # compiled
+    with worm3d.Live(began=lambda url: None) as live:
+
+        def ask() -> None:
+            assert live._view is not None
+            for message in ({"do": "hold"}, {"do": "step"}, {"do": "step"}, {"do": "speed", "value": 10}, {"do": "go"}):
+                time.sleep(0.5)
+                live._view._server.heard.put(message)
+
+        asks = threading.Thread(target=ask)
+
+        def look(t: float, view: worm3d.View) -> None:
+            if not done:
+                asks.start()
+            done.append((t, time.monotonic()))
+
+        result = crawl(duration=4.0, live=live, observer=look, every=1)
+        asks.join()
+    assert result.status is worm3d.Status.DONE
+    waits = np.diff([clock for _, clock in done])
+    longest = np.sort(np.argsort(waits)[-3:])
+    assert (waits[longest] > 0.3).all(), "held until the first step, between both, and until it goes on"
+    assert list(np.diff(longest)) == [1, 1], "each step is one time step"
+    (begin, began), (end, ended) = done[longest[-1] + 1], done[-1]
+    assert ended - began >= 0.9 * (end - begin) / 10.0
+    assert_array_equal(result.joints, crawl(duration=4.0).joints)
 
 
 def test_an_interrupted_run_closes_its_view() -> None:

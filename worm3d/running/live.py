@@ -9,26 +9,25 @@ from __future__ import annotations
 import time
 import warnings
 import webbrowser
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from worm3d.recorded.status import Status
+from worm3d.recorded.energy import Energy
+from worm3d.recorded.series import Recorded
 from worm3d.results import pictures
-from worm3d.results.pictures import FPS
 from worm3d.running.run import Observer, Run
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.spelling import Spelled
 from worm3d.viewer.live import LiveView
 from worm3d.viewer.pieces import Scales, rounded_up
-from worm3d.worlds.scenery import Window, scenery
-
-if TYPE_CHECKING:
-    from worm3d.results.result import Result
-
+from worm3d.worlds import World
+from worm3d.worlds.scenery import Window, on_ground, scenery
 
 Horizon = Callable[[float, FloatArray], FloatArray | None]
 """Function of the time [s] and the centre of mass, shape (3,) [m]. It returns None, or the points through which a
@@ -37,12 +36,42 @@ controller expects the centre of mass to move, shape (H, 3) [m]."""
 FASTEST = 1e6
 """Largest speed, as simulated time over real time. A higher speed is reduced to this value."""
 
+PICTURES = 30.0
+"""Largest number of pictures in a second. With half this value, the motion is seen to jump. With double, the program
+would spend a third of its time on pictures."""
+
+SURROUNDED = 3.0
+"""Distance up to which the surroundings of the worm are drawn, in body lengths. They are drawn again when the worm has
+moved by two thirds of this distance. With half this value, the edge is seen. With double, terrain is drawn coarsely."""
+
+PATIENT = 0.2
+"""Longest time for which a run that waits does not look at its observers [s]."""
+
+
+class Player(Protocol):
+    """A program that plays with the worm of a run: it answers the controls of the page."""
+
+    def controls(self) -> Mapping[str, Any]:
+        """Return the controls of the page, as `worm3d.viewer.live.LiveView` describes."""
+
+    def state(self) -> Mapping[str, Any]:
+        """Return what the page shows about the controls."""
+
+    def values(self, run: Run, now: Recorded) -> Mapping[str, ArrayLike]:
+        """Return further values of a picture by name, always of the same names and sizes."""
+
+    def path(self, com: FloatArray) -> FloatArray | None:
+        """Return the path near the centre of mass, shape (P, 3) [m]. `com` has the shape (3,) [m]. None: no path."""
+
+    def answer(self, run: Run, message: Mapping[str, Any]) -> bool:
+        """Do what a message of the page asks for. Return whether the run goes on."""
+
 
 class Live(Spelled):
     """View that shows runs in a browser.
 
-    Use the object in a `with` statement, which stops the server at its end. The view shows the chambers, links and end
-    faces of the worm. Only the page of a finished result also has a smooth skin.
+    Use the object in a `with` statement, which stops the server at its end. The page is the page of a finished result,
+    with all that was seen so far, and it can hold the run, let it take single steps, and change its speed.
 
     Parameters
     ----------
@@ -54,20 +83,20 @@ class Live(Spelled):
     began : callable, optional
         Function that is called with the address of the view after the first picture. By default, the address is
         printed.
-    address : str, optional
-        Address of a running meshcat server, for example "tcp://127.0.0.1:6000". By default, a server is started.
     horizon : callable, optional
         Function that is called for each picture with the time [s] and the centre of mass, shape (3,) [m]. It returns
         None, or the points to show: the points through which a controller expects the centre of mass to move, shape
         (H, 3) [m].
+    title : str
+        Title of the page.
 
     Raises
     ------
     ValueError
         The speed is not above 0.
     ConnectionError
-        The server does not start or does not answer when a run begins. If the server fails during a run, there is only
-        a warning, and the run goes on without the view.
+        The server does not start when a run begins. If the server fails during a run, there is only a warning, and the
+        run goes on without the view.
     """
 
     def __init__(
@@ -76,72 +105,168 @@ class Live(Spelled):
         speed: float = 1.0,
         open_browser: bool = False,
         began: Callable[[str], None] = print,
-        address: str | None = None,
         horizon: Horizon | None = None,
+        title: str = "worm3d",
     ) -> None:
         above = "above 0 (simulated over real time)"
         arguments.number("speed", speed, gt=0.0, infinite=True, allowed=above)
         arguments.flag("open_browser", open_browser)
         arguments.function("began", began, "a function of the address")
         self.speed = min(speed, FASTEST)
-        self.open_browser, self.began, self.address = open_browser, began, address
+        self.open_browser, self.began, self.title = open_browser, began, title
         self.horizon = horizon
+        self.player: Player | None = None
+        self.goes_on: Callable[[], bool] = lambda: True
+        """Function that returns False to end a run that is held."""
+        self.held = False
         self._view: LiveView | None = None
-        self._rows = 0
-        self._clock = 0.0
+        self._world: World | None = None
+        self._shown = self._drawn = -np.inf
+        self._steps = self._heard = 0
+        self._told: dict[str, Any] = {}
 
     def follow(self, run: Run) -> Observer:
         """Show the start of a run, and return an observer that shows the progress."""
         self._begin(run)
 
-        def look(run: Run) -> None:
+        def look(run: Run) -> bool:
             try:
-                self._show(run.result(Status.DONE))
+                return self._look(run)
             except ConnectionError as error:
                 warnings.warn(f"{error}; the run goes on unseen", RuntimeWarning, stacklevel=2)
                 self.close()
+                return True
 
-        rows = self.speed / (FPS * run.dt * run.every)  # rows between two pictures, at FPS pictures per second
+        rows = self.speed / (5.0 * PICTURES * run.dt * run.every)  # rows between two looks, five for each picture
         # A run that is slower than `speed` would show too few pictures per second. Therefore the number of rows is
         # limited: to one row in a run with a controller, and otherwise to the rows of about 50 steps.
         most = 1.0 if run.driver.controller is not None else 50 / run.every + 1.0
         return Observer(look, run.every * round(min(max(rows, 1.0), most)))
 
     def _begin(self, run: Run) -> None:
-        self.close()
-        start = run.result(Status.DONE)
-        corners = start.com[0] + 3.0 * start.worm.length * np.array([[-1.0, -1.0, -0.1], [1.0, 1.0, 0.1]])
-        places = np.concatenate([corners, start.points[0].reshape(-1, 3)])
-        weight = start.worm.mass * float(np.linalg.norm(start.gravity))
-        self._view = LiveView(
-            scenery(start.world, Window(places, start.worm.length)).meshes,
-            address=self.address,
-            scales=Scales(strain=max(start.worm.stroke[1], 0.05), force=rounded_up(max(0.5 * weight, 1e-9))),
-        )
-        if self.open_browser:
-            webbrowser.open(self._view.url, new=2)
-        self._rows, self._clock = 0, time.monotonic() - float(start.time[0]) / self.speed
-        self._show(start)
-        self.began(self._view.url)
+        now, opens, player = run.recorded_now(), self._view is None, self.player
+        if self._view is None:
+            weight = now.worm.mass * float(np.linalg.norm(run.plant.gravity))
+            scales = Scales(strain=max(now.worm.stroke[1], 0.05), force=rounded_up(max(0.5 * weight, 1e-9)))
+            self._view = LiveView(scales=scales, title=self.title)
+        if opens or run.plant.world != self._world or now.time[0] < self._shown:
+            self._view.begin(None if player is None else player.controls())
+            self._world = run.plant.world
+            self._energy, self._way = np.zeros(2), deque[tuple[float, FloatArray]]()
+            self._surround(now)
+        self._row, self._shown, self._told = run.done // run.every, float(now.time[0]), {}
+        self._restart(run)
+        self._show(run, now)
+        self._tell()
+        if opens:
+            if self.open_browser:
+                webbrowser.open(self._view.url, new=2)
+            self.began(self._view.url)
 
-    def _show(self, result: Result) -> None:
-        """Show pictures of the rows that are new since the last call, and wait for the time of each picture."""
-        rows = range(self._rows, len(result.time))
-        if self._view is None or not rows:
-            return
-        new = {name: getattr(result, name)[rows.start :] for name in pictures.SERIES}
-        frames = pictures.arrays(new, result.worm, None, result.period, fps=FPS / self.speed)
-        for k in range(len(frames)):
-            wait = self._clock + float(frames.time[k]) / self.speed - time.monotonic()
-            if wait > 0.0:
-                time.sleep(wait)
-            elif -wait > 2.0 / FPS and k < len(frames) - 1:
-                continue  # the picture is late and is skipped
-            assert frames.com is not None
-            ahead = None if self.horizon is None else self.horizon(float(frames.time[k]), frames.com[k])
-            shown = replace(frames.take([k]), horizon=None if ahead is None else ahead[None])
-            self._view.show(shown, caption(result, float(frames.time[k])))
-        self._rows = rows.stop
+    def _surround(self, now: Recorded) -> None:
+        """Show the part of the world around the worm, and the path to keep."""
+        assert self._view is not None
+        size = SURROUNDED * now.worm.length
+        places = np.concatenate([now.com[0] + size * np.array([[-1.0, -1.0, -0.1], [1.0, 1.0, 0.1]]), now.joints[0]])
+        around = scenery(self._world, Window(places, now.worm.length))
+        self._view.surround(around.meshes, None if self.player is None else self.player.path(now.com[0]))
+        self._around = now.com[0]
+
+    def _restart(self, run: Run) -> None:
+        """Let the present instant be due now."""
+        self._clock = time.monotonic() - run.time(run.done) / self.speed
+
+    def _wait(self, run: Run) -> float:
+        """Return the time until the present instant is due, below 0 if it is late [s]."""
+        return self._clock + run.time(run.done) / self.speed - time.monotonic()
+
+    def _look(self, run: Run) -> bool:
+        """Show the run if a picture is due, and answer the page until then. Return whether the run goes on."""
+        if self._view is None:  # the view has failed or was closed
+            return True
+        late, last = -self._wait(run), run.done == run.steps
+        if late > 2.0 / PICTURES:  # as many pictures as there is time for
+            due = time.monotonic() - self._drawn > 1.0 / PICTURES
+        else:
+            due = run.time(run.done) - self._shown >= 0.999 * self.speed / PICTURES
+        if due or last or self.held:
+            self._show(run, run.recorded_now())
+        if late > 10.0 / PICTURES:  # the machine is too slow, and would race if it could later
+            self._restart(run)
+        self._steps = max(self._steps - 1, 0)
+        while (waits := self.held and not self._steps) or self._wait(run) > 0.0 or self._view.waits:
+            heard = self._view.heard(PATIENT if waits else min(max(self._wait(run), 0.0), PATIENT))
+            answers = [self._answer(run, message) for message in heard]
+            self._tell()
+            if not (all(answers) and self.goes_on()):
+                return False
+            if heard:
+                self._show(run, run.recorded_now())
+            if self.held:
+                self._restart(run)
+        return True
+
+    def _answer(self, run: Run, message: Mapping[str, Any]) -> bool:
+        """Do what a message of the page asks for. Return whether the run goes on."""
+        do, value, number = (message.get(name) for name in ("do", "value", "id"))
+        self._heard = number if isinstance(number, int) and abs(number) < 2**24 else 0
+        if do in ("hold", "go"):
+            self.held, self._steps = do == "hold", 0
+        elif do == "step":
+            self.held, self._steps = True, self._steps + 1
+        elif do == "speed" and isinstance(value, int | float) and 0.0 < value <= FASTEST:
+            self.speed = float(value)
+        elif self.player is not None:
+            return self.player.answer(run, message)
+        self._restart(run)
+        return True
+
+    def _tell(self) -> None:
+        """Tell the page the state of the run, if it has changed."""
+        assert self._view is not None
+        more = {} if self.player is None else self.player.state()
+        state = {"held": self.held, "speed": min(self.speed, FASTEST), **more}
+        if state != self._told:
+            self._view.tell(**state)
+            self._told = state
+
+    def _show(self, run: Run, now: Recorded) -> None:
+        """Show a picture of the present instant."""
+        assert self._view is not None
+        self._tell()
+        series = {name: getattr(now, name) for name in pictures.SERIES}
+        frames = pictures.arrays(series, now.worm, None, run.period)
+        t, com = float(now.time[0]), now.com[0]
+        ahead = None if self.horizon is None else self.horizon(t, com)
+        trail = on_ground(self._world, now.com, now.worm.length, above=pictures.TRAIL_ABOVE * now.worm.length)
+        frames = replace(frames, horizon=None if ahead is None else ahead[None], trail=trail)
+        if np.linalg.norm(com - self._around) > 2.0 / 3.0 * SURROUNDED * now.worm.length:
+            self._surround(now)
+        more = {} if self.player is None else self.player.values(run, now)
+        values = {"speed": self._speed(run, t, com), "energy": self._energies(run), "heard": self._heard, **more}
+        self._view.show(frames, values)
+        self._shown, self._drawn = t, time.monotonic()
+
+    def _speed(self, run: Run, t: float, com: FloatArray) -> float:
+        """Return the mean speed of the centre of mass over the last period, since it oscillates with each wave [m/s].
+
+        Without a period it is the mean since the last picture.
+        """
+        if not self._way or t > self._way[-1][0]:
+            self._way.append((t, com))
+        while len(self._way) > 2 and self._way[1][0] <= t - (run.period or 0.0) + 1e-9:
+            self._way.popleft()
+        begin, place = self._way[0]
+        return float(np.linalg.norm(com - place) / (t - begin)) if t > begin else 0.0
+
+    def _energies(self, run: Run) -> FloatArray:
+        """Return the work of the actuators and the loss to friction since the first picture, shape (2,) [J]."""
+        row = run.done // run.every
+        if row > self._row:
+            new = Energy.of(run.records.fields(slice(self._row + 1, row + 1))["energy"])
+            self._energy = self._energy + np.array([new.work_contract.sum(), new.friction_loss.sum()])
+            self._row = row
+        return self._energy
 
     def close(self) -> None:
         """Close the view and stop the server. The method may be called several times."""
@@ -154,17 +279,3 @@ class Live(Spelled):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def caption(result: Result, time: float) -> str:
-    """Return a text with the time and the speed of the centre of mass.
-
-    The speed is the mean over the last gait period, because the centre of mass oscillates with each wave.
-    """
-    last = int(np.searchsorted(result.time, time))
-    since = time - result.period if result.period else time - result.dt
-    first = min(int(np.searchsorted(result.time, since - 1e-9)), max(last - 1, 0))
-    if last == first:
-        return f"{time:.2f} s"
-    speed = float(np.linalg.norm(result.com[last] - result.com[first]) / (time - result.time[first]))
-    return f"{time:.2f} s   {1e3 * speed:.0f} mm/s"

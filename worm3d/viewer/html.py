@@ -19,6 +19,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from worm3d.values.arrays import FloatArray
 from worm3d.viewer import camera, colours, pieces, policy, recorder
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.packed import packed
@@ -98,12 +99,25 @@ def html(
     cover = Skin.of(frames, scales.strain) if skin and "skin" not in without else None
     parts = [part for part in _parts(frames, scales, cover) if part.layer not in without]
     bits, data = (ALL_BITS, _plain) if script is None else (SMALL_BITS, _small)
-    scene, messages = _scene(frames, parts, scales, cover, bits), commands(frames, parts, bits)
-    contents = {"title": escape(title), **data(scene, messages)}
+    about, messages = scene(frames, parts, scales, cover, bits), commands(frames, parts, bits)
+    return _page({"title": escape(title), **data(about, messages)}, script)
+
+
+def live_page(title: str = "worm3d") -> str:
+    """Return the page of a run that goes on. Scene and frames come from the server of the page."""
+    return _page({"title": escape(title), "scene": "", "commands": "", "form": "live"}, None)
+
+
+def _page(contents: Mapping[str, str], script: str | None) -> str:
+    """Return a page with the given contents. `script` is as in `html`."""
+    live = contents["form"] == "live"
     return filled(
         "viewer.html",
-        style=resource("viewer.css"),
+        live=live,
+        style=resource("viewer.css") + resource("play.css") * live,
         script=resource("viewer.js"),
+        tools=resource("tools.js"),
+        play=f"<script>\n{resource('play.js')}\n</script>" * live,
         meshcat=_player(contents, script),
         **contents,
     )
@@ -130,17 +144,22 @@ def _plain(scene: dict[str, Any], messages: list[bytes]) -> dict[str, str]:
 
 def _small(scene: dict[str, Any], messages: list[bytes]) -> dict[str, str]:
     """Return the data of a page as compressed text. An array is its place in the list of parts."""
+    return {"scene": packed(with_arrays(scene)), "commands": packed(messages), "form": "packed"}
+
+
+def with_arrays(about: Mapping[str, Any]) -> list[bytes]:
+    """Return data as JSON, followed by the arrays in the data. In the JSON, an array is its place in the list."""
     arrays = [b""]
 
     def placed(array: NDArray[np.float32]) -> int:
         arrays.append(array.tobytes())
         return len(arrays) - 1
 
-    arrays[0] = _json(scene, placed).encode()
-    return {"scene": packed(arrays), "commands": packed(messages), "form": "packed"}
+    arrays[0] = _json(about, placed).encode()
+    return arrays
 
 
-def _json(scene: dict[str, Any], array: Callable[[NDArray[np.float32]], str | int]) -> str:
+def _json(scene: Mapping[str, Any], array: Callable[[NDArray[np.float32]], str | int]) -> str:
     """Return the data of a page as JSON. `array` writes an array."""
     return json.dumps(scene, separators=(",", ":"), allow_nan=False, default=array).replace("<", "\\u003c")
 
@@ -185,15 +204,15 @@ def commands(frames: Frames, parts: list[Piece], bits: int = ALL_BITS) -> list[b
     return [recorder.packed(command) for command in (*recorder.stage(), *placed, motion)]
 
 
-def filled(template: str, *inner: str, **parts: str) -> str:
+def filled(template: str, *inner: str, live: bool = False, **parts: str) -> str:
     """Return a template of the folder `page` whose placeholders are replaced by `parts` and by the policy of the page.
 
     All parts are inserted in a single pass, so that a part may contain text that looks like a placeholder. `inner` are
-    pages that this page contains in frames.
+    pages that this page contains in frames. A `live` page connects to its server.
     """
     later = {"policy": "{{policy}}"}  # stays in place in this pass, because the policy depends on the filled page
     page = re.sub(r"\{\{(\w+)\}\}", lambda name: (parts | later)[name[1]], resource(template))
-    return page.replace("{{policy}}", policy.of_page(page, *inner), 1)
+    return page.replace("{{policy}}", policy.of_page(page, *inner, live=live), 1)
 
 
 def resource(name: str) -> str:
@@ -201,13 +220,33 @@ def resource(name: str) -> str:
     return files("worm3d.viewer").joinpath("page", name).read_text(encoding="utf-8")
 
 
-def _scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None, bits: int) -> dict[str, Any]:
-    """Return the data of the page, except for meshcat's commands. The skin is rounded to `bits` bits."""
+PLOTS = (
+    {"name": "speed", "title": "speed", "unit": "mm/s", "factor": 1e3},
+    {"name": "strain", "title": "strain of the segments", "unit": "%", "factor": 100.0},
+    {"name": "load", "title": "load of the segments", "unit": "N", "factor": 1.0},
+    {"name": "energy", "title": "energy: work of the actuators, lost to friction", "unit": "J", "factor": 1.0},
+)
+"""Plots beside the worm, in this order. The name is a field of the page's data. A plot without data is left out."""
+
+
+def plotted(frames: Frames) -> dict[str, FloatArray]:
+    """Return the values of plots by name: the mean strain of each segment, and its load [N], each of shape (T, N)."""
+    found = {"strain": frames.chamber_strain.mean(axis=2)}
+    if frames.contact_force is not None:
+        found["load"] = np.linalg.norm(frames.contact_force, axis=3).sum(axis=2)
+    return found
+
+
+def scene(frames: Frames, parts: list[Piece], scales: Scales, skin: Skin | None, bits: int) -> dict[str, Any]:
+    """Return the data of the page, except for meshcat's commands. Skin and plots are rounded to `bits` bits."""
     eye, look = camera.inside(frames)
     low, high = frames.extent
     ahead = frames.heading
     azimuth, ground = camera.azimuths(frames), camera.floor(frames.world)
+    plots = {name: shortened(values, bits) for name, values in plotted(frames).items()}
     return {
+        **plots,
+        "plots": [plot for plot in PLOTS if plot["name"] in plots or (plot["name"] == "speed" and len(frames) > 1)],
         "time": _floats(frames.time - frames.time[0]),
         "start": float(frames.time[0]),
         "centre": _floats(frames.centre),

@@ -15,13 +15,15 @@ _STYLES = "style-src 'self' 'unsafe-inline'"
 """Rule for styles. Inline styles are allowed because meshcat writes the styles of its controls into the page."""
 
 
-def of_page(page: str, *inner: str) -> str:
-    """Return the policy of a page from disc, which allows its present scripts and images from data in the page.
+def of_page(page: str, *inner: str, live: bool = False) -> str:
+    """Return the policy of a page, which allows its present scripts and images from data in the page.
 
-    `inner` are pages that the page contains in frames. They have to obey this policy and their own policies.
+    `inner` are pages that the page contains in frames. They have to obey this policy and their own policies. A `live`
+    page may connect to the server that it comes from, and a page from disc to none.
     """
     scripts = f"{_hashes(''.join((page, *inner)))}{_nonces(page)}"
-    return f"{_NOTHING_ELSE}; script-src {scripts}; {_STYLES}; img-src data: blob:"
+    own = "; connect-src 'self'" if live else ""
+    return f"{_NOTHING_ELSE}; script-src {scripts}; {_STYLES}; img-src data: blob:{own}"
 
 
 def script_file(address: str, page: str) -> str:
@@ -33,16 +35,6 @@ def script_file(address: str, page: str) -> str:
     """
     nonce = base64.b64encode(hashlib.sha256(page.encode()).digest()).decode()
     return f'<script nonce="{nonce}" src="{escape(address, quote=True)}"></script>'
-
-
-def of_server(page: str, hosts: list[str]) -> str:
-    """Return the policy of a page of meshcat's server, which allows its scripts, and connections to `hosts`."""
-    # Policies do not support IPv6 addresses.
-    sockets = " ".join(f"ws://{host}" for host in hosts if "[" not in host)
-    return (
-        f"{_NOTHING_ELSE}; script-src 'self' {_hashes(page)}; {_STYLES}; img-src 'self' data: blob:; "
-        f"connect-src 'self' {sockets}; frame-ancestors 'none'"
-    )
 
 
 def _hashes(page: str) -> str:

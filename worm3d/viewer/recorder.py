@@ -31,12 +31,6 @@ _ARRAY_TYPES = {"<f4": ("Float32Array", 0x17), "<u4": ("Uint32Array", 0x16)}
 ALL_BITS = 23
 """Number of bits after the first of a number as it is sent."""
 
-CAPTION_AT = (0.0, 0.68, -1.0)
-"""Position of the square with the caption, relative to the camera. At this distance the camera sees heights from -0.77
-to 0.77."""
-
-_CAMERA = "/Cameras/default/rotated/<object>"
-
 
 def packed(content: Content) -> bytes:
     """Return a command as bytes for transmission."""
@@ -44,15 +38,13 @@ def packed(content: Content) -> bytes:
     return message
 
 
-def _show(
-    path: str, geometry: Content, material: Content, textures: tuple[Content, ...] = (), order: int = 0
-) -> Content:
+def _show(path: str, geometry: Content, material: Content, order: int = 0) -> Content:
     """Return the command that puts a mesh at a path. Meshes with a higher `order` are drawn later."""
     ids = {part: f"{path}:{part}" for part in ("geometry", "material")}
     command = _object(path, type="Mesh", **ids, matrix=_STANDING, renderOrder=order)
     command["object"]["geometries"] = [{"uuid": ids["geometry"], **geometry}]
     command["object"]["materials"] = [{"uuid": ids["material"], "side": 2, **material}]  # both sides are visible
-    command["object"]["textures"] = list(textures)
+    command["object"]["textures"] = []
     return command
 
 
@@ -150,51 +142,6 @@ def _material(piece: Piece) -> Content:
         "depthWrite": not clear,
         "specular": 0 if piece.layer == "world" else 0x111111,
     }
-
-
-def move(piece: Piece) -> list[Content]:
-    """Return the commands that set the pose and the colour of a placed piece to the first frame of the given piece."""
-    moved = _transform(_at(piece), piece.matrix(0))
-    if piece.tint is None:
-        return [moved]
-    return [moved, _property(_at(piece), "color", [*piece.colour_at(0), piece.opacity])]
-
-
-def remove(path: str) -> Content:
-    """Return the command that removes a piece."""
-    return {"type": "delete", "path": f"{_ROOT}/{path}"}
-
-
-def caption(text: str) -> list[Content]:
-    """Return the commands that write a line of text at the top of the picture. It replaces the previous caption."""
-    path, picture = f"{_CAMERA}/caption", f"{_CAMERA}/caption:text"
-    square = {"type": "PlaneGeometry", "width": 0.6, "height": 0.6}
-    material = {"type": "MeshBasicMaterial", "map": picture, "transparent": True, "depthTest": False}
-    # The font size is in pixels of a picture 256 pixels wide. Longer captions get smaller letters.
-    font = {"font_size": 22, "font_face": "sans-serif"}
-    texture = {"uuid": picture, "type": "_text", "text": text, **font}
-    return [_show(path, square, material, (texture,)), _moved(path, CAPTION_AT)]
-
-
-def look_at(place: FloatArray) -> Content:
-    """Return the command that moves all pieces so that a place, shape (3,) [m], is at the origin.
-
-    The camera of the page always looks at the origin and turns about it. Therefore the pieces are moved, and not the
-    camera.
-    """
-    return _moved(_ROOT, -place)
-
-
-def _moved(path: str, place: ArrayLike) -> Content:
-    matrix = np.eye(4)
-    matrix[:3, 3] = place
-    return _transform(path, matrix)
-
-
-def stand(axes: FloatArray, body_length: float) -> Content:
-    """Return the command that puts the camera behind, to the right of and above the origin. `axes` as in `Frames`."""
-    x, y, z = (body_length * np.array([-0.45, -0.8, 0.5]) @ axes).tolist()
-    return _property(_CAMERA, "position", [x, z, -y])
 
 
 def animate(pieces: list[Piece], time: FloatArray, bits: int = ALL_BITS) -> Content:

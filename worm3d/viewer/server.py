@@ -1,34 +1,45 @@
-"""Program of a meshcat server that serves only this machine, and stops with the process that started it.
+"""Program of the server of a live page. It serves only this machine, and stops with the process that started it.
 
-The unmodified server of meshcat has several faults. It listens on every network interface, and goes on when its parent
-process has ended. It answers requests for any host name, so that a page of another host could see the view if its name
-is resolved to 127.0.0.1. It stops answering when a browser disconnects during a transmission, and it stores unread data
-without limit. The server in this file has none of these faults.
+The process that runs the worm sends messages to the standard input of this program, each with a header `HEADER`: the
+kind of the message, and the number of bytes that follow. The program sends them to all browsers, and keeps all that a
+browser needs that comes later: the page, the scene, its surroundings, the latest state, and the frames so far. If there
+are too many frames, every second frame of the older half is dropped. Messages of browsers, and remarks, are lines on
+the standard output.
+
+The process is never made to wait: a browser that reads slowly misses frames, and a browser that has stopped is dropped.
+A request is refused if it asks for another host than this machine, comes from a page of another origin, or does not
+know the token in the address of the page.
 """
 
 from __future__ import annotations
 
 import functools
-import importlib.util
+import hmac
+import json
+import secrets
+import struct
 import sys
 import threading
-import warnings
+from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from tornado.web import Application, HTTPError
-from tornado.websocket import WebSocketClosedError
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.netutil import bind_sockets
+from tornado.web import Application, HTTPError, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-with warnings.catch_warnings():
-    # meshcat imports zmq.eventloop.ioloop, which is deprecated and warns.
-    warnings.simplefilter("ignore", DeprecationWarning)
-    from meshcat.servers import zmqserver
+HEADER = struct.Struct("<4sI")
+"""Kind of a message as four bytes, and the number of bytes that follow."""
+
+PAGE, SCENE, WORLD, FRAME, STATE, MANY = b"page", b"scen", b"worl", b"fram", b"stat", b"many"
+"""Kinds of messages. A browser gets `MANY`, the frames so far, when it opens the page."""
 
 MOST_BROWSERS = 8
 """Largest number of simultaneous browsers. Further browsers are refused.
 
-The server sends each command to each browser. Half as many browsers would be enough for a single user, and twice as
+The server sends each message to each browser. Half as many browsers would be enough for a single user, and twice as
 many would make the view slow.
 """
 
@@ -39,94 +50,79 @@ With half this value, slow browsers that are loading a large world would be drop
 answer would be counted among `MOST_BROWSERS` for longer.
 """
 
-MOST_UNREAD = 32_000_000
-"""Largest number of unread bytes, in addition to the first scene. A browser with more is dropped. This limit
-corresponds to about a thousand pictures. Half would be enough, and double would waste memory.
-"""
+MOST_UNREAD = 1_000_000
+"""Number of unread bytes above which a browser gets no more frames. This limit corresponds to about a hundred frames.
+With half this value, a browser would miss frames while it loads the page. With double, it would lag behind longer."""
+
+MOST_FRAMES, MOST_BYTES = 3000, 24_000_000
+"""Largest number of frames that are kept, and their largest size. The limit corresponds to 100 s in full detail. With
+half these values, the start of a run would soon be coarse, and with double, a page would need a second to open."""
+
+LONGEST_MESSAGE = 65_536
+"""Largest size of a message of a browser [byte]. The longest ones are values that a user types."""
 
 LOCAL_HOST_NAMES = ("127.0.0.1", "localhost", "[::1]")
 """Names that a browser may use for this machine."""
 
 
-class Local:
-    """Mixin for handlers. It refuses requests whose host is not a name of this machine."""
+class Guarded(RequestHandler):
+    """A handler that refuses requests for another host, and requests without the token."""
 
-    request: Any
-    application: Any
+    def initialize(self, room: Room) -> None:
+        """Take the state of the server."""
+        self.room = room
 
     def prepare(self) -> None:
         """Check the request before answering."""
-        if self.request.host.lower() not in hosts(self.application.bridge.fileserver_port):
+        if self.request.host.lower() not in [f"{name}:{self.room.port}" for name in LOCAL_HOST_NAMES]:
             raise HTTPError(403, "not a name of this machine")
+        if not hmac.compare_digest(self.path_args[0].encode(), self.room.token.encode()):
+            raise HTTPError(403, "not the token of this page")
 
 
-class Files(Local, zmqserver.StaticFileHandlerNoCache):  # type: ignore[misc]  # meshcat has no types
-    """Handler of requests for meshcat's page and scripts."""
+class Page(Guarded):
+    """Handler of requests for the page."""
 
-    def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
-        """Return the path of a file. A path with a null character, which no file can have, is refused as missing."""
-        if "\0" in absolute_path:
-            raise HTTPError(404)
-        found: str | None = super().validate_absolute_path(root, absolute_path)
-        return found
-
-    def set_extra_headers(self, path: str) -> None:
-        """Add the headers with rules that a browser enforces."""
-        super().set_extra_headers(path)
-        self.set_header("Content-Security-Policy", _policy(self.application.bridge.fileserver_port))
-        self.set_header("X-Content-Type-Options", "nosniff")
+    def get(self, _token: str) -> None:
+        """Send the page. The page itself has the rules for its scripts (`worm3d.viewer.policy`)."""
+        headers = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
+        for name, value in {**headers, "Content-Security-Policy": "frame-ancestors 'none'"}.items():
+            self.set_header(name, value)
+        self.finish(self.room.kept[PAGE])
 
 
-class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
+class Browser(Guarded, WebSocketHandler):
     """Connection to a browser, which may end at any time. tornado refuses connections from pages of other hosts."""
 
-    _unread, _most, _reads = 0, float("inf"), True
+    _unread, _reads = 0, True
 
     def prepare(self) -> None:
         """Refuse the connection if there are enough browsers."""
         super().prepare()
-        if len(self.bridge.websocket_pool) >= MOST_BROWSERS:
+        if len(self.room.browsers) >= MOST_BROWSERS:
             raise HTTPError(503, reason=f"{MOST_BROWSERS} browsers look on already: close one of them")
 
-    def open(self) -> None:
-        """Send the scene. Its size does not count towards `MOST_UNREAD`."""
-        super().open()
-        self._most = self._unread + MOST_UNREAD
+    def open(self, *_: str) -> None:
+        """Send all that the browser needs."""
+        self.room.browsers.add(self)
+        for kind in (SCENE, WORLD, STATE):
+            if kind in self.room.kept:
+                self.send(kind, self.room.kept[kind])
+        if self.room.frames:
+            self.send(MANY, b"".join(self.room.frames))
         self._ask()
 
-    def _ask(self) -> None:
-        """Send a ping, and drop the browser if no answer comes."""
-        self._reads = False
-        with suppress(WebSocketClosedError):
-            self.ping()
-            self.bridge.ioloop.call_later(PING_TIMEOUT, self._look)
-
-    def _look(self) -> None:
-        if self in self.bridge.websocket_pool:
-            self._ask() if self._reads else self._drop(f"it read nothing for {PING_TIMEOUT:g} s")
-
-    def on_pong(self, data: bytes) -> None:
-        """Record that the browser reads."""
-        self._reads = True
-
-    def on_message(self, message: object) -> None:
-        """Ignore a message of the browser. meshcat would take a picture in it for the answer to a request."""
-
-    def on_close(self) -> None:
-        """Remove the browser from the pool."""
-        self.bridge.websocket_pool.discard(self)
-
-    def write_message(self, *arguments: Any, **options: Any) -> None:
-        """Send a message if the browser still reads."""
-        if self._unread > self._most:
-            self._drop(f"it left {self._unread / 1e6:.3g} MB unread")
+    def send(self, kind: bytes, content: bytes) -> None:
+        """Send a message, unless it is a frame and the browser has not read the earlier ones."""
+        if kind == FRAME and self._unread > MOST_UNREAD:
             return
-        size = len(arguments[0])
-        self._unread += size
+        self._unread += len(content)
         try:
-            super().write_message(*arguments, **options).add_done_callback(functools.partial(self._sent, size))
+            sent = self.write_message(kind + content, binary=True)
         except WebSocketClosedError:
             self.on_close()
+        else:
+            sent.add_done_callback(functools.partial(self._sent, len(content)))
 
     def _sent(self, size: int, sent: Any) -> None:
         """Record the end of a transmission. An error is ignored because the connection is then closed anyway."""
@@ -134,67 +130,100 @@ class Browser(Local, zmqserver.WebSocketHandler):  # type: ignore[misc]
         with suppress(Exception):
             sent.exception()
 
+    def _ask(self) -> None:
+        """Send a ping, and drop the browser if no answer comes."""
+        self._reads = False
+        with suppress(WebSocketClosedError):
+            self.ping()
+            IOLoop.current().call_later(PING_TIMEOUT, self._look)
+
+    def _look(self) -> None:
+        if self in self.room.browsers:
+            self._ask() if self._reads else self._drop(f"it read nothing for {PING_TIMEOUT:g} s")
+
+    def on_pong(self, data: bytes) -> None:
+        """Record that the browser reads."""
+        self._reads = True
+
+    def on_message(self, message: str | bytes) -> None:
+        """Hand a message on, if it is an object in JSON."""
+        with suppress(ValueError, RecursionError):
+            if isinstance(given := json.loads(message), dict):
+                _say(f"heard={json.dumps(given)}")
+
+    def on_close(self) -> None:
+        """Remove the browser, and let go of what it holds."""
+        if self in self.room.browsers:
+            self.room.browsers.discard(self)
+            _say('heard={"do": "let_go"}')
+
     def _drop(self, why: str) -> None:
         """End the connection and print the reason, without a closing message, which would wait behind unread data."""
         self.on_close()
         _say(f"dropped=a browser was dropped: {why}")
-        self.ws_connection.stream.close()
+        stream = getattr(self.ws_connection, "stream", None)
+        if stream is not None:
+            stream.close()
 
 
-class LocalBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]
-    """meshcat's server with these handlers, listening on 127.0.0.1."""
+class Room:
+    """What the server knows, and the browsers that look on."""
 
-    def make_app(self) -> Any:
-        """Return the application."""
-        files = {"path": zmqserver.VIEWER_ROOT, "default_filename": zmqserver.VIEWER_HTML}
-        app: Any = Application([(r"/static/(.*)", Files, files), (r"/", Browser, {"bridge": self})])
-        app.bridge, app.listen = self, functools.partial(app.listen, address="127.0.0.1")
-        return app
+    def __init__(self) -> None:
+        self.token, self.port = secrets.token_urlsafe(24), 0
+        self.browsers: set[Browser] = set()
+        self.kept: dict[bytes, bytes] = {PAGE: b""}
+        self.frames: list[bytes] = []
+        self.read, self.taken = 0, 0  # numbers of messages; each is counted by one thread
 
-    def forward_to_websockets(self, frames: list[bytes]) -> None:
-        """Send a command to all browsers. Browsers may leave during the loop."""
-        for browser in tuple(self.websocket_pool):
-            browser.write_message(frames[2], binary=True)
+    def take(self, kind: bytes, content: bytes) -> None:
+        """Keep a message, and send it to all browsers. Browsers may leave during the loop."""
+        self.taken += 1
+        if kind == FRAME:
+            self.frames.append(content)
+            if len(self.frames) > min(MOST_FRAMES, MOST_BYTES // len(content)):
+                half = len(self.frames) // 2
+                self.frames = self.frames[:half:2] + self.frames[half:]
+        else:
+            self.kept[kind] = content
+        if kind == SCENE:
+            self.frames = []
+            self.kept.pop(WORLD, None)
+        for browser in tuple(self.browsers) if kind != PAGE else ():
+            browser.send(kind, content)
 
 
 def main() -> None:
-    """Run the server. The first lines of output are the addresses for commands and for browsers."""
-    bridge = LocalBridge()
-    threading.Thread(target=_stop_with_parent, args=(bridge.ioloop,), daemon=True).start()
-    _say(f"zmq_url={bridge.zmq_url}\nweb_url={bridge.web_url}")
-    bridge.run()
+    """Run the server. The first line of output is the address of the page."""
+    room, loop = Room(), IOLoop.current()
+    routes = [(r"/([^/]+)/", Page, {"room": room}), (r"/([^/]+)/socket", Browser, {"room": room})]
+    server = HTTPServer(Application(routes, websocket_max_message_size=LONGEST_MESSAGE))
+    sockets = bind_sockets(0, "127.0.0.1")
+    room.port = sockets[0].getsockname()[1]
+    server.add_sockets(sockets)
+    threading.Thread(target=_listen, args=(room, loop), daemon=True).start()
+    _say(f"url=http://127.0.0.1:{room.port}/{room.token}/")
+    loop.start()
 
 
-def hosts(port: int) -> list[str]:
-    """Return the hosts that a browser on this machine may request."""
-    return [f"{name}:{port}" for name in LOCAL_HOST_NAMES]
+def _listen(room: Room, loop: IOLoop) -> None:
+    """Read messages until the other process ends. A server that lags behind leaves out frames."""
+    for kind, content in _messages(sys.stdin.buffer):
+        if kind != FRAME or room.read - room.taken < 100:
+            room.read += 1
+            loop.add_callback(room.take, kind, content)
+    loop.add_callback(loop.stop)
 
 
-@functools.cache
-def _policy(port: int) -> str:
-    page = Path(zmqserver.VIEWER_ROOT, zmqserver.VIEWER_HTML).read_text("utf-8")
-    found: str = _beside("policy").of_server(page, hosts(port))
-    return found
-
-
-def _beside(name: str) -> Any:
-    """Import a module next to this file without the package, which would import the simulator."""
-    specification = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert specification is not None
-    assert specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+def _messages(source: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
+    while len(header := source.read(HEADER.size)) == HEADER.size:
+        kind, size = HEADER.unpack(header)
+        yield kind, source.read(size)
 
 
 def _say(text: str) -> None:
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
-
-
-def _stop_with_parent(loop: Any) -> None:
-    sys.stdin.buffer.read()
-    loop.add_callback(loop.stop)
 
 
 if __name__ == "__main__":

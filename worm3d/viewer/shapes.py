@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -25,30 +26,29 @@ def capsule(length: float, radius: float, *, sides: int = 8) -> Mesh:
 
     Length and radius are in metres.
     """
-    half = 0.5 * length
-    return _turned(
-        [(-half - 0.7 * radius, 0.6 * radius), (-half, radius), (half, radius), (half + 0.7 * radius, 0.6 * radius)],
-        sides,
-    )
+    half, radius = 0.5 * round(length, 12), round(radius, 12)  # without rounding errors, equal bars share a mesh
+    ends = ((half, radius), (half + 0.7 * radius, 0.6 * radius))
+    return _turned((*((-y, r) for y, r in reversed(ends)), *ends), sides)
 
 
 def disc(radius: float, thick: float, *, sides: int = 32) -> Mesh:
     """Return a disc normal to y, from y = 0 to y = `thick`, with a rounded edge at y = `thick` [m]."""
-    return _turned([(0.0, radius), (0.5 * thick, radius), (thick, radius - 0.5 * thick)], sides)
+    return _turned(((0.0, radius), (0.5 * thick, radius), (thick, radius - 0.5 * thick)), sides)
 
 
 def ball(*, rings: int = 17, sides: int = 28) -> Mesh:
     """Return a ball of radius 1."""
     angle = np.pi * (np.arange(rings) + 0.5) / rings
-    return _turned(list(zip(-np.cos(angle), np.sin(angle), strict=True)), sides, tips=(-1.0, 1.0))
+    return _turned(tuple(zip((-np.cos(angle)).tolist(), np.sin(angle).tolist(), strict=True)), sides, tips=(-1.0, 1.0))
 
 
 def arrow(*, sides: int = 10) -> Mesh:
     """Return an arrow from the origin to y = 1, whose head has the radius 0.1."""
-    return _turned([(0.0, 0.04), (0.7, 0.04), (0.7, 0.1)], sides, tips=(0.0, 1.0))
+    return _turned(((0.0, 0.04), (0.7, 0.04), (0.7, 0.1)), sides, tips=(0.0, 1.0))
 
 
-def _turned(profile: list[tuple[float, float]], sides: int, tips: tuple[float, float] | None = None) -> Mesh:
+@lru_cache(256)
+def _turned(profile: tuple[tuple[float, float], ...], sides: int, tips: tuple[float, float] | None = None) -> Mesh:
     """Return the solid of revolution about y with a profile of points (y, radius).
 
     The ends are flat. If `tips` is given, the middles of the ends are moved to these y.

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from time import perf_counter
-
-import numpy as np
 
 import worm3d
 from control.estimation.estimate import NIS, consistency
 from control.faults.injected import Faulty
 from control.loop import Driver
-from control.sensing.sensors import Measurement
 from control.tracking.metrics import METRICS, measured
 from scenes.models.base import Model, Observer, Outcome, Watch, pictures
 from scenes.models.control import view as control_view
 from scenes.models.control.build import controller_of, faults_of, map_name, maps_of, sensors_of, wave_of
 from scenes.models.control.checks import CONTROL_CHECKS
 from scenes.models.control.faults import entered, in_turn, of_controller, refused
+from scenes.models.control.play import ControlPlay, Phased
 from scenes.models.control.record import motion_of, outline_of, path_variable, timing_of, variables_of, way_variables
 from scenes.models.control.reference import reference_of
 from scenes.models.control.schema import ControlScene
@@ -26,7 +23,6 @@ from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import simulate
 from scenes.records.record import Metric
-from worm3d.values.arrays import FloatArray
 from worm3d.values.named import is_own
 
 FIGURES = ("tracking", "speed_and_heading", "commands", "estimates", "control_steps")
@@ -49,44 +45,6 @@ ENTRIES = {
 """Meanings of the entries that the summary has beside the measures, by name."""
 
 
-class Phased:
-    """Wrapper of a controller that stores the commanded phase and the computing time of each step."""
-
-    def __init__(self, controller: Driver) -> None:
-        self.controller = controller
-        self.waves: list[float] = []
-        """Commanded phase at the beginning of each step [waves]."""
-        self.seconds: list[float] = []
-        """Wall time of each step [s]. It is measured here, since a user's own controller may not measure it."""
-
-    @property
-    def period(self) -> float:
-        """Averaging period of the speed [s]."""
-        return self.controller.period
-
-    def reset(self) -> None:
-        """Reset the controller and the stored values."""
-        self.controller.reset()
-        self.waves, self.seconds = [], []
-
-    def step(self, t: float, measurement: Measurement) -> worm3d.Command:
-        """Return the command from time t [s] on."""
-        began = perf_counter()
-        command = self.controller.step(t, measurement)
-        self.seconds.append(perf_counter() - began)
-        self.waves.append(self.controller.waves)
-        return command
-
-    def at_rows(self, rows: int, every: int) -> FloatArray:
-        """Return the commanded phase at the stored instants, shape (rows,) [waves].
-
-        Every `every`-th step is stored. The phase at the end of the run is extrapolated.
-        """
-        waves = self.waves or [0.0]
-        further = waves[-1] + (waves[-1] - waves[-2] if len(waves) > 1 else 0.0)
-        return np.array([*waves, further])[: (rows - 1) * every + 1 : every]
-
-
 def run(scene: ControlScene, observer: Observer) -> Outcome:
     """Simulate a scene."""
     return _run(scene, observer, Phased(controller_of(scene)))
@@ -96,14 +54,18 @@ def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene while a browser shows the run live."""
     driver = Phased(controller_of(scene))
     horizon = control_view.horizon_of(lambda: driver.controller.decisions, scene)
-    with worm3d.Live(speed=how.speed, began=how.began, horizon=horizon) as live:
+    with worm3d.Live(speed=how.speed, began=how.began, title=scene.title or "worm3d", horizon=horizon) as live:
         return _run(scene, observer, driver, live)
 
 
 def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:
     faults = faults_of(scene)
     faulty = Faulty(driver, faults, scene.seed, driver.controller) if faults else driver
-    result = simulate(scene, observer, live=live, drive=(faulty, sensors_of(scene)))
+    return recorded(scene, driver, simulate(scene, observer, live=live, drive=(faulty, sensors_of(scene))))
+
+
+def recorded(scene: ControlScene, driver: Phased, result: worm3d.Result) -> Outcome:
+    """Return a run with a controller as an outcome for the command line."""
     waves = driver.at_rows(len(result.time), scene.run.record_every)
     plain, controller, decisions = worm.outcome(result, scene), driver.controller, driver.controller.decisions
     found, unfounded = innovations(controller)
@@ -158,6 +120,8 @@ CONTROL_MODEL = Model(
     view=worm_view.view,
     mesh=worm_view.mesh,
     watch=watch,
+    played=ControlPlay,
+    recorded=lambda scene, played, result: recorded(scene, played.driver, result),
     beside=control_view.beside,
     refers_to=maps_of,
     advice="try a smaller run.dt_s or reference.speed_m_s, a lighter worm or larger worm.spring_N",

@@ -89,16 +89,16 @@ def horizon_of(decisions: Callable[[], Sequence[Decision]], scene: ControlScene)
     def horizon(time: float, com: FloatArray) -> FloatArray | None:
         latest = next((each for each in reversed(decisions()) if each.time <= time + 1e-9), None)
         way = None if latest is None else latest.horizon
-        return None if way is None or not np.isfinite(way).all() else _in_space(way, float(com[2]), scene)
+        return None if way is None or not np.isfinite(way).all() else in_space(way, float(com[2]), scene)
 
     return horizon
 
 
 def _raised(places: FloatArray, record: Record, scene: ControlScene) -> FloatArray:
-    return _in_space(places, float(record["com"][:, 2].mean()), scene)
+    return in_space(places, float(record["com"][:, 2].mean()), scene)
 
 
-def _in_space(places: FloatArray, height: float, scene: ControlScene) -> FloatArray:
+def in_space(places: FloatArray, height: float, scene: ControlScene) -> FloatArray:
     """Return points of the plan view, shape (..., 2) [m], as points in space, shape (..., 3) [m].
 
     In a world with a plane, the points are 4 mm above the plane. In other worlds they are at the given height.

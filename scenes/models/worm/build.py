@@ -108,7 +108,10 @@ def simulate(
         looks = runs.Observer(lambda run: run.done == 0 or observer(run.done), rows * problem.record_every)
 
         def observers(run: runs.Run) -> list[runs.Observer]:
-            return [looks] if live is None else [live.follow(run), looks]
+            if live is None:
+                return [looks]
+            live.goes_on = lambda: observer(run.done)
+            return [live.follow(run), looks]
 
         return begin(problem, observed=observers, checked=[looks])()
     except (worm3d.StateError, worm3d.LimitPointError) as error:

@@ -12,6 +12,7 @@ from scenes.models.worm import overview as worm_overview
 from scenes.models.worm import view as worm_view
 from scenes.models.worm.build import measures_of, simulate
 from scenes.models.worm.checks import PLANAR_CHECKS, WORM_CHECKS
+from scenes.models.worm.play import GaitPlay
 from scenes.models.worm.schema import NO_RECORD, AnyWormScene, GaitScene, PlanarWormScene, WormScene
 from scenes.records.record import Cell, Record, fault_row
 from worm3d.values.named import is_own
@@ -44,7 +45,7 @@ def run(scene: GaitScene, observer: Observer) -> Outcome:
 
 def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene while a browser shows the run live."""
-    with worm3d.Live(speed=how.speed, began=how.began) as live:
+    with worm3d.Live(speed=how.speed, began=how.began, title=scene.title or "worm3d") as live:
         return outcome(simulate(scene, observer, live=live), scene)
 
 
@@ -140,6 +141,8 @@ def model_of(name: str, title: str, schema: type[S], checks: tuple[Check, ...]) 
         view=worm_view.view,
         mesh=worm_view.mesh,
         watch=watch,
+        played=GaitPlay,
+        recorded=lambda scene, played, result: outcome(result, scene),
         beside=lambda scene, record, rows: {"period": _period(scene, record)},
         advice=WORM_ADVICE,
         headlines=(

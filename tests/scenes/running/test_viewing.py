@@ -90,7 +90,7 @@ def test_a_run_is_seen_while_it_goes_on_and_nothing_is_kept(worm3d, tmp_path: Pa
     ended = worm3d("view", "--live", "flat", *SHORT)
     assert ended.code == 0
     begun, over = ended.out.splitlines()
-    assert re.fullmatch(r"flat: seen at http://127\.0\.0\.1:\d+/static/ until the run ends; Ctrl-C stops it", begun)
+    assert re.fullmatch(r"flat: seen at http://127\.0\.0\.1:\d+/[\w-]{32}/ until the run ends; Ctrl-C stops it", begun)
     assert over == "flat: the run reached its end; nothing was kept, 'worm3d run' keeps it"
     assert len(opened) == 1
     assert not listens(opened[0])

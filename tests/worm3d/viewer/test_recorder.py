@@ -14,7 +14,7 @@ import umsgpack
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from worm3d.viewer import Frames, WorldMesh, recorder, write_html
+from worm3d.viewer import Frames, WorldMesh, write_html
 from worm3d.viewer import html as page
 from worm3d.viewer.frames import instants
 from worm3d.viewer.pieces import LAYERS, Scales, contact, way, world, worm
@@ -47,12 +47,6 @@ def test_objects_come_first_then_poses_and_the_animation_at_the_end(short: Frame
     moved = {clip["path"].removesuffix("/<object>") for clip in sent[-1]["animations"]}
     assert moved <= objects
     assert {path.split("/")[2] for path in objects if path.startswith("/meshcat/")} == set(LAYERS)
-
-
-def test_what_is_looked_at_moves_to_where_the_camera_turns() -> None:
-    sent = recorder.look_at(np.array([1.0, 2.0, 3.0]))
-    assert (sent["type"], sent["path"]) == ("set_transform", "/meshcat")
-    assert_allclose(np.reshape(sent["matrix"], (4, 4)).T @ [1.0, 2.0, 3.0, 1.0], [0.0, 0.0, 0.0, 1.0])
 
 
 def test_the_pose_of_the_first_frame_is_set_or_the_file_opens_on_giants(short: Frames) -> None:

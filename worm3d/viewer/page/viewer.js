@@ -22,10 +22,9 @@
   }
 
   // ---------------------------------------------------------------- the data
-  /** The byte strings of a compressed text: each follows its length. */
-  async function unpacked(text) {
-    const packed = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const data = await new Response(packed).arrayBuffer(), lengths = new DataView(data), parts = [];
+  /** The byte strings in another: each follows its length. */
+  function split(data) {
+    const lengths = new DataView(data), parts = [];
     for (let at = 0, end = 0; at < data.byteLength; at = end) {
       end = at + 4 + lengths.getUint32(at, true);
       parts.push(new Uint8Array(data.slice(at + 4, end)));
@@ -33,24 +32,42 @@
     return parts;
   }
 
-  const text_of = (name) => element(name).textContent;
-  const small = element("scene").dataset.form === "packed";
+  /** The byte strings of a compressed text. */
+  async function unpacked(text) {
+    const packed = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return split(await new Response(packed).arrayBuffer());
+  }
+
+  const text_of = (name) => element(name).textContent, form = element("scene").dataset.form;
+  const small = form === "packed", feed = form === "live" ? await window.worm3d_feed(split, trouble) : null;
   if (small && typeof DecompressionStream === "undefined") {
     trouble("This page needs a browser of 2023 or later.");
     return;
   }
-  const arrays = small ? await unpacked(text_of("scene")) : [];
-  const messages = small ? await unpacked(text_of("commands")) : text_of("commands").split("\n").filter(Boolean).map(bytes);
-  const scene = JSON.parse(small ? new TextDecoder().decode(arrays[0]) : text_of("scene"));
-  const floats = (array) => new Float32Array((small ? arrays[array] : bytes(array)).buffer);
-  const time = floats(scene.time);
-  const centre = floats(scene.centre);
-  const eye = floats(scene.eye);
-  const look = floats(scene.look);
-  const azimuth = floats(scene.azimuth);
-  const speed = scene.speed && floats(scene.speed);
-  const reference = scene.reference_speed && floats(scene.reference_speed);
-  const duration = time[time.length - 1];
+  const arrays = feed ? feed.arrays : small ? await unpacked(text_of("scene")) : [];
+  const messages = feed ? feed.messages : small ? await unpacked(text_of("commands")) : text_of("commands").split("\n").filter(Boolean).map(bytes);
+  const scene = JSON.parse(arrays.length ? new TextDecoder().decode(arrays[0]) : text_of("scene"));
+  const floats = (array) => new Float32Array((arrays.length ? arrays[array] : bytes(array)).buffer);
+  const data = feed ? feed.data : stored();
+  const begin = () => (data.length ? data.time(0) : 0), end = () => (data.length ? data.time(data.length - 1) : 0);
+
+  /** The frames of a finished run: the time of each, and its fields by name. */
+  function stored() {
+    const time = floats(scene.time), columns = {};
+    for (const name of ["centre", "eye", "look", "azimuth", "speed", "reference_speed", "strain", "load"]) {
+      if (scene[name] !== undefined && scene[name] !== null) columns[name] = floats(scene[name]);
+    }
+    if (scene.skin) Object.assign(columns, { sections: floats(scene.skin.sections), tint: floats(scene.skin.tint) });
+    return {
+      length: time.length,
+      time: (k) => time[k],
+      has: (name) => name in columns,
+      get(name, k) {
+        const count = columns[name].length / time.length;
+        return columns[name].subarray(k * count, (k + 1) * count);
+      },
+    };
+  }
 
   // ---------------------------------------------------------------- the scene
   if (typeof MeshCat === "undefined") {
@@ -60,46 +77,52 @@
   }
   let viewer;
   try {
-    viewer = new MeshCat.Viewer(element("meshcat-pane"));
+    viewer = new MeshCat.Viewer(element("meshcat-pane"), true, feed ? feed.renderer(element("meshcat-pane")) : undefined);
   } catch (error) {
     trouble("This page needs WebGL, which this browser does not offer: switch on hardware acceleration, or take another browser.");
     return;
   }
   // In order and at once: the animation must find the objects it moves.
   for (const message of messages) viewer.handle_command_bytearray(message);
-  const animator = viewer.animator;
-  animator.pause();
-  // Only actions that play have an effect; the time is set by hand below.
-  for (const action of animator.actions) action.play();
+  const animator = feed ? null : viewer.animator;
+  if (animator) {
+    animator.pause();
+    // Only actions that play have an effect; the time is set by hand below.
+    for (const action of animator.actions) action.play();
+  }
   window.viewer = viewer;
 
   function layer(name) {
     return viewer.scene_tree.find(["meshcat", name]).object;
   }
 
-  const solid = [];
-  layer("world").traverse((part) => { if (part.isMesh && part.material.opacity === 1) solid.push(part); });
+  let solid = [];
+
+  function find_ground() {
+    solid = [];
+    layer("world").traverse((part) => { if (part.isMesh && part.material.opacity === 1) solid.push(part); });
+  }
 
   // ---------------------------------------------------------------- the skin
   // Each vertex is a sum of the points of four cross-sections, with weights that never change.
   const skin = scene.skin && make_skin(scene.skin);
 
-  function make_skin({ sections, tint, along, around, left }) {
-    const points = floats(sections), colours = floats(tint);
-    const count = points.length / time.length / 18, corners = around.length, sides = corners - 1;
+  function make_skin({ along, around, left }) {
+    const count = data.get("sections", 0).length / 18, corners = around.length, sides = corners - 1;
     const mesh = layer("skin").getObjectByProperty("isMesh", true), geometry = mesh.geometry;
     mesh.frustumCulled = false; // its bounds move
     const position = geometry.attributes.position.array, paint = geometry.attributes.color.array;
     const outlines = new Float32Array(3 * count * corners), shades = new Float32Array(3 * count * corners);
     const section = new Float32Array(18), sides_colours = new Float32Array(6);
 
-    function mixed(result, values, size, k, next, share) {
-      for (let i = 0; i < size; i++) result[i] = (1 - share) * values[k + i] + share * values[next + i];
+    function mixed(result, name, first, k, next, share) {
+      const before = data.get(name, k), after = data.get(name, next);
+      for (let i = 0; i < result.length; i++) result[i] = (1 - share) * before[first + i] + share * after[first + i];
     }
 
     function outline(s, k, next, share) {
-      mixed(section, points, 18, 18 * (k * count + s), 18 * (next * count + s), share);
-      mixed(sides_colours, colours, 6, 6 * (k * count + s), 6 * (next * count + s), share);
+      mixed(section, "sections", 18 * s, k, next, share);
+      mixed(sides_colours, "tint", 6 * s, k, next, share);
       for (let c = 0; c < corners; c++) {
         for (let x = 0; x < 3; x++) {
           let sum = 0;
@@ -125,7 +148,7 @@
       }
     }
 
-    function end(to, s) {
+    function tip(to, s) {
       const from = 3 * (s * corners + sides);
       for (let x = 0; x < 3; x++) { position[to + x] = outlines[from + x]; paint[to + x] = shades[from + x]; }
     }
@@ -138,8 +161,8 @@
         for (let s = 0; s < count - 3; s++) for (const weights of along) { ring(to, s, weights); to += 3 * sides; }
         ring(to, count - 4, [0, 0, 1, 0]);
         to += 3 * sides;
-        end(to, 1);
-        end(to + 3, count - 2);
+        tip(to, 1);
+        tip(to + 3, count - 2);
         geometry.attributes.position.needsUpdate = geometry.attributes.color.needsUpdate = true;
         geometry.computeVertexNormals();
       },
@@ -156,18 +179,19 @@
 
   /** Index k and share s in [0, 1] with now = time[k] + s (time[k + 1] - time[k]). */
   function between(now) {
-    let low = 0, high = time.length - 1;
+    let low = 0, high = data.length - 1;
     while (high - low > 1) {
       const middle = (low + high) >> 1;
-      if (time[middle] <= now) low = middle; else high = middle;
+      if (data.time(middle) <= now) low = middle; else high = middle;
     }
-    const step = time[high] - time[low];
-    return [low, high, step > 0 ? Math.min(Math.max((now - time[low]) / step, 0), 1) : 0];
+    const step = data.time(high) - data.time(low);
+    return [low, high, step > 0 ? Math.min(Math.max((now - data.time(low)) / step, 0), 1) : 0];
   }
 
-  function at(values, now, count = 3) {
-    const [k, next, share] = between(now);
-    return Array.from({ length: count }, (_, i) => (1 - share) * values[count * k + i] + share * values[count * next + i]);
+  /** A field of the frames, at an instant. */
+  function at(name, now) {
+    const [k, next, share] = between(now), before = data.get(name, k), after = data.get(name, next);
+    return Array.from(before, (value, i) => (1 - share) * value + share * after[i]);
   }
 
   /** A horizontal vector, turned to the left. */
@@ -175,22 +199,24 @@
 
   // ---------------------------------------------------------------- cameras
   const size = scene.size;
-  const turns = azimuth.some((angle) => Math.abs(angle) > 0.3);
+  const turns = Boolean(feed) || Array.from({ length: data.length }, (_, k) => data.get("azimuth", k)[0]).some((angle) => Math.abs(angle) > 0.3);
   let preset = "", follows = null;
 
   /** Where the worm is, and how far it has turned: what cameras that follow it keep to. */
-  const pose = (turns_too) => ({ place: at(centre, now), angle: turns_too ? at(azimuth, now, 1)[0] : 0, turns_too });
+  const pose = (turns_too) => ({ place: at("centre", now), angle: turns_too ? at("azimuth", now)[0] : 0, turns_too });
 
-  /** Pixels that the panel covers on the left, and the bar below. */
+  /** Pixels that the panel covers on the left, the bar below, and plots and controls on the right. */
   function covered() {
-    const panel = element("panel").getBoundingClientRect(), bar = element("bar");
-    return [element("panel").open && !element("panel").hidden && window.innerWidth > 1.8 * panel.right ? panel.right : 0, bar.hidden ? 0 : 60];
+    const panel = element("panel").getBoundingClientRect(), bar = element("bar"), side = element("side").getBoundingClientRect();
+    const wide = window.innerWidth > 1.8 * panel.right && window.innerWidth > 900;
+    const seen = element("panel").open && !element("panel").hidden && window.innerWidth > 1.8 * panel.right;
+    return [seen ? panel.right : 0, bar.hidden ? 0 : 60, wide && side.height > 100 ? side.width : 0];
   }
 
   /** Put the middle of the picture into the middle of what is not covered. */
   function centre_view() {
-    const [panel, bar] = covered(), wide = window.innerWidth, high = window.innerHeight;
-    viewer.camera.setViewOffset(wide, high, -panel / 2, bar / 2, wide, high);
+    const [panel, bar, side] = covered(), wide = window.innerWidth, high = window.innerHeight;
+    viewer.camera.setViewOffset(wide, high, (side - panel) / 2, bar / 2, wide, high);
     viewer.set_dirty();
   }
 
@@ -209,7 +235,7 @@
     const middle = [ahead, left, up].reduce(
       (sum, axis, i) => plus(sum, axis, 0.5 * (scene.low[i] + scene.high[i])), [0, 0, 0]);
     return {
-      to: whole ? middle : at(centre, now),
+      to: whole ? middle : at("centre", now),
       width: (whole ? long : (rises === 2 ? 1.4 : 2.2) * size) + 0.3 * size,
       height: (whole ? high : (rises === 2 ? Math.max(0.5 * size, scene.tall) : 1.2 * size)) + 0.4 * size,
       moves: !whole,
@@ -219,7 +245,7 @@
   function flat(from, rises, slant) {
     const view = window_of(rises);
     // The panel and the bar take some of the window.
-    const free = Math.max((window.innerWidth - covered()[0]) / window.innerHeight, 0.3);
+    const free = Math.max((window.innerWidth - covered()[0] - covered()[2]) / window.innerHeight, 0.3);
     const distance = Math.max(view.width / free, view.height / 0.8) / (2 * Math.tan(viewer.camera.fov * Math.PI / 360));
     const here = pose(rises === 2);
     const towards = view.moves ? turned(from, here.angle) : from;
@@ -232,7 +258,7 @@
     side: () => flat(left.map((x, i) => 0.14 * up[i] - x), 2, [0, 0, 0]),
     top: () => flat(up, 1, left.map((x) => -x)),
     follow: () => {
-      const far = Math.max(1.2 * scene.tall, 0.9 * size) * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0]));
+      const far = Math.max(1.2 * scene.tall, 0.9 * size) * Math.max(1, 1.3 * window.innerHeight / (window.innerWidth - covered()[0] - covered()[2]));
       follows = pose(true);
       const from = turned(plus(plus([0, 0, 0], ahead, -0.75), left, -1.35), follows.angle);
       aim(plus(plus(follows.place, from, far), up, 0.75 * far), follows.place);
@@ -250,7 +276,7 @@
     below = name === "inside";
     cameras[name]();
     clear_sight();
-    if (name === "inside") aim(at(eye, now), at(look, now));
+    if (name === "inside") aim(at("eye", now), at("look", now));
     for (const button of element("cameras").querySelectorAll("button")) {
       button.setAttribute("aria-pressed", String(button.value === name));
     }
@@ -264,7 +290,7 @@
 
   function carry() {
     if (preset === "inside") {
-      aim(at(eye, now), at(look, now));
+      aim(at("eye", now), at("look", now));
     } else if (follows) {
       const to = pose(follows.turns_too), angle = to.angle - follows.angle;
       for (const point of [viewer.camera.position, viewer.controls.target]) {
@@ -305,10 +331,15 @@
     lifting = false;
   }
 
+  function see_far() {
+    viewer.camera.far = 100 * size + 2 * Math.hypot(...scene.low.map((x, i) => scene.high[i] - x));
+    viewer.camera.updateProjectionMatrix();
+  }
+
   function make_cameras() {
     viewer.camera.fov = 35;
     viewer.camera.near = 0.005 * size;
-    viewer.camera.far = 100 * size + 2 * Math.hypot(...scene.low.map((x, i) => scene.high[i] - x));
+    see_far();
     for (const name of Object.keys(cameras)) {
       const button = document.createElement("button");
       Object.assign(button, { type: "button", value: name, textContent: labels[name] || name, title: titles[name] });
@@ -331,6 +362,7 @@
 
   function make_shadows() {
     const reach = 0.8 * size, frustum = sun.shadow.camera;
+    if (!viewer.renderer.shadowMap.enabled) return; // shadows take half of the time without a graphics card
     sun.castShadow = true;
     sun.shadow.mapSize.set(2048, 2048);
     sun.shadow.normalBias = 0.004 * size;
@@ -345,7 +377,7 @@
 
   /** The sun moves along: its shadows reach a worm's length only. */
   function shine() {
-    const to = at(centre, now);
+    const to = at("centre", now);
     sun.position.set(...plus(to, to_sun, size));
     sun.target.position.set(...to);
   }
@@ -356,6 +388,7 @@
     if (!box) return;
     box.checked = visible;
     layer(name).visible = visible;
+    if (feed) set_parts();
     clear_sight();
     see_through();
     viewer.set_dirty();
@@ -421,75 +454,105 @@
   // ---------------------------------------------------------------- playback
   let now = 0, playing = false, rate = 1, last = null;
 
-  function show(instant) {
-    now = Math.min(Math.max(instant, 0), duration);
-    animator.seek(now);
+  /** Give all parts their poses at the present instant. */
+  function set_parts() {
     const [k, next, share] = between(now);
-    if (scene.trail) {
-      const rings = scene.trail.rings[share > 0.999 ? next : k];
-      viewer.scene_tree.find(["meshcat", "trail", "com", "<object>"]).object.geometry.setDrawRange(
-        0, Math.max(rings - 1, 0) * scene.trail.faces * 3);
+    if (feed) {
+      feed.pose(k, next, share, layer);
+    } else {
+      animator.seek(now);
+      if (scene.trail) {
+        const rings = scene.trail.rings[share > 0.999 ? next : k];
+        viewer.scene_tree.find(["meshcat", "trail", "com", "<object>"]).object.geometry.setDrawRange(
+          0, Math.max(rings - 1, 0) * scene.trail.faces * 3);
+      }
     }
-    if (skin) skin.bend(k, next, share);
+    if (skin && layer("skin").visible) skin.bend(k, next, share);
+  }
+
+  function show(instant) {
+    now = Math.min(Math.max(instant, begin()), end());
+    set_parts();
     carry();
     shine();
-    element("time").value = now;
-    element("now").textContent = `${now.toFixed(2)} / ${duration.toFixed(2)} s`;
+    const bar = element("time");
+    if (feed) Object.assign(bar, { min: begin(), max: Math.max(end(), begin() + 1e-3) });
+    bar.value = now;
+    element("now").textContent = `${now.toFixed(2)} / ${end().toFixed(2)} s`;
     element("clock").textContent = `t = ${(scene.start + now).toFixed(2)} s`;
-    if (speed) {
-      const value = (1 - share) * speed[k] + share * speed[next];
-      element("speed").textContent = `speed ${metres_a_second(value)}`;
-    }
-    if (speed && scene.period) {
-      const from = Math.max(now - scene.period / 2, 0), to = Math.min(now + scene.period / 2, duration);
+    if (data.has("speed")) element("speed").textContent = `speed ${metres_a_second(at("speed", now)[0])}`;
+    if (feed) {
+      element("mean").textContent = scene.period ? "mean of the last period" : "";
+    } else if (data.has("speed") && scene.period) {
+      const from = Math.max(now - scene.period / 2, 0), to = Math.min(now + scene.period / 2, end());
       element("mean").textContent = `mean of ${(scene.start + from).toFixed(2)} to ${(scene.start + to).toFixed(2)} s`;
     }
-    if (reference) element("reference").textContent = `reference ${metres_a_second(at(reference, now, 1)[0])}`;
+    if (data.has("reference_speed")) element("reference").textContent = `reference ${metres_a_second(at("reference_speed", now)[0])}`;
     document.documentElement.dataset.time = now.toFixed(3);
+    tools.seen();
     viewer.set_dirty();
   }
 
   function play(on) {
-    if (on && now >= duration) show(0);
-    playing = on && duration > 0;
+    if (feed && feed.at_head()) { feed.hold(!on); return; }
+    if (on && now >= end()) show(begin());
+    playing = on && end() > begin();
     last = null;
-    element("play").textContent = playing ? "\u275A\u275A" : "\u25B6";
-    element("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+    label_play(playing);
+  }
+
+  function label_play(on) {
+    element("play").textContent = on ? "\u275A\u275A" : "\u25B6";
+    element("play").setAttribute("aria-label", on ? "Pause" : "Play");
   }
 
   function tick(stamp) {
     requestAnimationFrame(tick);
+    if (feed && feed.tick(stamp)) { show(end()); return; }
     if (playing) {
       const passed = last === null ? 0 : Math.min((stamp - last) / 1000, 0.25);
       last = stamp;
       const target = now + rate * passed;
-      if (target < duration) show(target);
-      else if (element("loop").checked) show(target - duration);
-      else { show(duration); play(false); }
+      if (target < end()) show(target);
+      else if (feed) { play(false); feed.follow(true); }
+      else if (element("loop").checked) show(target - end());
+      else { show(end()); play(false); }
     }
   }
 
   /** Only the scene, for a picture of it. */
   function bare(on) {
     element("panel").hidden = on;
-    element("bar").hidden = on || guest || duration === 0;
+    element("side").hidden = on;
+    element("bar").hidden = on || guest || (!feed && end() === 0);
     centre_view();
     if (preset) choose(preset);
   }
 
   function make_bar() {
-    element("time").max = duration || 1;
-    element("time").addEventListener("input", (event) => { play(false); show(Number(event.target.value)); });
-    element("play").addEventListener("click", () => play(!playing));
-    element("rate").addEventListener("change", (event) => { rate = Number(event.target.value); });
-    const step = duration / Math.max(time.length - 1, 1);
-    make_keys({
-      " ": () => play(!playing),
-      ArrowRight: () => show(now + step),
-      ArrowLeft: () => show(now - step),
-      Home: () => show(0),
-      End: () => show(duration),
+    element("time").max = end() || 1;
+    element("time").addEventListener("input", (event) => go_to(Number(event.target.value)));
+    element("play").addEventListener("click", () => play(element("play").getAttribute("aria-label") === "Play"));
+    element("rate").addEventListener("change", (event) => {
+      rate = Number(event.target.value);
+      if (feed) feed.speed(rate);
     });
+    const jump = feed ? go_to : show, step = () => (end() - begin()) / Math.max(data.length - 1, 1);
+    make_keys({
+      " ": () => element("play").click(),
+      ArrowRight: () => jump(now + step()),
+      ArrowLeft: () => jump(now - step()),
+      Home: () => jump(begin()),
+      End: () => (feed ? feed.follow(true) : show(end())),
+      ...(feed ? feed.keys : {}),
+    });
+  }
+
+  /** Look at an instant, which a live page does not leave until it is told to. */
+  function go_to(instant) {
+    if (feed) feed.follow(false);
+    play(false);
+    show(instant);
   }
 
   /** Keys are the page's, also after a click on the panel; who goes there by the Tab key operates it by keys. */
@@ -498,6 +561,7 @@
     window.addEventListener("pointerdown", () => { tabbed = false; }, true);
     window.addEventListener("keydown", (event) => {
       if (event.key === "Tab") tabbed = true;
+      if (event.target.matches("input[type=number], input[type=text]")) return;
       if (!does[event.key] || event.ctrlKey || event.altKey || event.metaKey) return;
       const focused = document.activeElement, controls = focused && focused.matches("input, select, button, summary");
       if (controls && tabbed && focused !== element("time")) return;
@@ -521,6 +585,25 @@
     if (asked.has("play")) play(asked.get("play") !== "0");
   }
 
+  const page = {
+    viewer, scene, data, layer, three, show, go_to, begin, end, element, guest, play, label_play, centre_view,
+    now: () => now, playing: () => playing,
+    play_past(on) { playing = on; last = null; },
+    /** What a ray through a place of the window [pixels] meets first, of the layers named or all, or null. */
+    hit(x, y, names) {
+      const pane = element("meshcat-pane").getBoundingClientRect();
+      rays.setFromCamera({ x: (2 * (x - pane.left)) / pane.width - 1, y: 1 - (2 * (y - pane.top)) / pane.height }, viewer.camera);
+      const seen = [];
+      for (const name of names) if (layer(name).visible) layer(name).traverseVisible((part) => { if (part.isMesh) seen.push(part); });
+      return rays.intersectObjects(seen)[0] || null;
+    },
+    ray: () => rays.ray,
+    /** Take over new surroundings. */
+    surround() { find_ground(); see_far(); clear_sight(); world_opacity(Number(element("opacity").querySelector("input").value)); },
+  };
+  const tools = window.worm3d_tools(page);
+  find_ground();
+  if (feed) feed.attach(page);
   make_cameras();
   make_shadows();
   make_layers();
@@ -531,9 +614,9 @@
   element("bar").hidden = guest;
   viewer.set_3d_pane_size();
   centre_view();
-  show(0);
+  show(begin());
   choose("follow");
-  play(false);
+  if (!feed) play(false);
   obey(location.hash);
   window.addEventListener("hashchange", () => obey(location.hash));
   requestAnimationFrame(tick);
