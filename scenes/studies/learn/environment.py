@@ -171,9 +171,8 @@ class WormEnv(gymnasium.Env[Seen, Seen]):
 
     def step(self, action: Seen) -> tuple[Seen, float, bool, bool, Info]:
         """Crawl for a control period with the given action."""
-        reward, terminated, truncated, facts = self._episode.crawl(action)
-        if self._page:
-            self._page.show(self._episode.run)
+        watch = self._page.show if self._page else None
+        reward, terminated, truncated, facts = self._episode.crawl(action, watch)
         return self._episode.observed().astype(np.float32), reward, terminated, truncated, facts
 
     def render(self) -> Picture | None:

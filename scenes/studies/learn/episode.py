@@ -11,6 +11,7 @@ offset from a millimetre to a body length, and its slope is bounded far from the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import gcd, inf, tau
 from typing import Any
@@ -106,8 +107,10 @@ class Episode:
         self.run = _begun(scene, self._every, pictured)
         self._sense(GaitParameters(0.0, 1.0))
 
-    def crawl(self, action: ArrayLike) -> tuple[float, bool, bool, dict[str, Any]]:
-        """Crawl for a control period.
+    def crawl(
+        self, action: ArrayLike, watch: Callable[[Run], object] | None = None
+    ) -> tuple[float, bool, bool, dict[str, Any]]:
+        """Crawl for a control period, and call `watch` at each sample of the sensors.
 
         Returns
         -------
@@ -130,6 +133,8 @@ class Episode:
             if status is not Status.DONE:
                 return -5.0, True, False, self._facts(status)  # lower than the reward at any offset that worms reach
             self._sense(wave)
+            if watch is not None:
+                watch(self.run)
         facts = self._facts(status)
         return self._reward(facts), False, self.run.done >= self.run.steps, facts
 
@@ -209,7 +214,7 @@ def _sampled(scene: ControlScene, body: float) -> Reference:
 def _begun(scene: ControlScene, every: int, pictured: bool) -> Run:
     """Return a run before its first step. It lasts a whole number of control periods.
 
-    If it is not `pictured`, it records only its start and its end.
+    Without `pictured`, the run records only its start and its end.
     """
     problem = problem_of(scene, drive=(_Outside(), None))
     steps = max(1, problem.steps // every) * every
