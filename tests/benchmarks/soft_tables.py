@@ -57,7 +57,7 @@ def dense(folder: Path, count: int) -> States:
         for progress in sweep(Wall(segment), count):
             if progress.stable % CHECKPOINT == 0 or progress.stable == count:
                 with written_whole(part) as file:
-                    table.write(file, segment, table.columns(progress.rows), f"{count} states", 0.0)
+                    table.write(file, segment, table.columns(progress.states), f"{count} states", 0.0)
         part.rename(path)
     return prepared(tables.load(path)).states
 
@@ -91,7 +91,7 @@ def compressed(folder: Path) -> States:
             state = free = found
             for strain in COMPRESSIONS:
                 state = reached(state, free.length * (1.0 - strain), free.input, domain).state
-                if state.unstable_directions == 0:
+                if state.stable:
                     rows.append((state.length, state.input, state.force, state.radius, state.volume))
         header = "length_m,pressure_Pa,force_N,radius_m,volume_m3"
         np.savetxt(path, rows, delimiter=",", header=header, comments="")
