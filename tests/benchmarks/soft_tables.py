@@ -31,9 +31,9 @@ SEGMENT = "barrel"
 FREE_PRESSURES = 91
 """Number of pressures with a state without axial force. Half as many change a(p) by up to 4e-5."""
 
-STRAINS, BENDS = (-0.085, 0.095), (0.1, 0.2, 0.3, 0.45)
-"""Strains, as l/l_free = 1 - strain, and bends [rad] of bent states: the worms of `soft_segments.py` stay within, or
-beyond by 0.001."""
+STRAINS, BENDS = (-0.06, 0.06), (0.1, 0.2, 0.3, 0.45)
+"""Strains, as l/l_free = 1 - strain, and bends [rad] of bent states. The worms of `soft_segments.py` stay within the
+bends. Worms that turn have strains from -0.08 to 0.096, for which the bending stiffness is extrapolated."""
 
 COMPRESSIONS, COMPRESSED_PRESSURES = (0.04, 0.055, 0.065, 0.075, 0.085, 0.095, 0.105, 0.115, 0.125), 31
 """Strains of compressed straight states, and number of their pressures, which are closer at small pressures. The dense
@@ -57,7 +57,7 @@ def dense(folder: Path, count: int) -> States:
         for progress in sweep(Wall(segment), count):
             if progress.stable % CHECKPOINT == 0 or progress.stable == count:
                 with written_whole(part) as file:
-                    table.write(file, segment, table.columns(progress.rows), f"{count} states", 0.0)
+                    table.write(file, segment, table.columns(progress.states), f"{count} states", 0.0)
         part.rename(path)
     return prepared(tables.load(path)).states
 
@@ -91,7 +91,7 @@ def compressed(folder: Path) -> States:
             state = free = found
             for strain in COMPRESSIONS:
                 state = reached(state, free.length * (1.0 - strain), free.input, domain).state
-                if state.unstable_directions == 0:
+                if state.stable:
                     rows.append((state.length, state.input, state.force, state.radius, state.volume))
         header = "length_m,pressure_Pa,force_N,radius_m,volume_m3"
         np.savetxt(path, rows, delimiter=",", header=header, comments="")

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -35,13 +35,15 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from worm3d.fem.description import Segment
-from worm3d.fem.potential import Assembly, Potential
+from worm3d.fem.potential import Assembly, Potential, operator
 from worm3d.values.arrays import FloatArray
 
 try:
     from skfem import Basis, ElementQuad1, ElementQuad2, ElementVector, FacetBasis, MeshQuad, MeshQuad2
 except ImportError as error:
     raise ImportError("worm3d fem needs scikit-fem: pip install 'worm3d[fem]'") from error
+
+T = TypeVar("T")
 
 GAUSS_ORDER = 5
 """Degree of the polynomials that the quadrature integrates exactly: three points in each direction, as usual for
@@ -179,7 +181,7 @@ def _energy(segment: Segment, basis: Any, multipliers: Any, s: FloatArray) -> Po
     dofs = np.vstack([basis.element_dofs, basis.N + multipliers.element_dofs]).T
     given = np.stack([*segment.profile.meridian(s.ravel())[1].reshape(2, *s.shape), radius])
     ring = 4.0 * np.pi * radius * basis.dx  # 2 pi R for the ring, and twice for both halves
-    return Potential(density, e, c, _operator(columns), dofs, ring, given)
+    return Potential(density, e, c, operator(columns), dofs, ring, given)
 
 
 def _volume(basis: Any) -> Potential:
@@ -190,15 +192,7 @@ def _volume(basis: Any) -> Potential:
     e, c = ca.SX.sym("e", 2), ca.SX.sym("c", 2)
     given = np.stack([basis.global_coordinates()[0], tangent[1]])
     density = (c[0] + e[0]) ** 2 * (c[1] + e[1])
-    return Potential(density, e, c, _operator(columns), basis.element_dofs.T, 2.0 * np.pi * basis.dx, given)
-
-
-def _operator(columns: list[list[FloatArray]]) -> FloatArray:
-    """Return the matrices from unknowns to local variables, shape (elements, points, variables, unknowns).
-
-    `columns` contains the local variables at all points, shape (elements, points), for a unit of each unknown.
-    """
-    return np.ascontiguousarray(np.array(columns).transpose(2, 3, 1, 0))
+    return Potential(density, e, c, operator(columns), basis.element_dofs.T, 2.0 * np.pi * basis.dx, given)
 
 
 def graded(along: int) -> FloatArray:
@@ -267,6 +261,11 @@ class State:
         negative = int(np.count_nonzero(eigvalsh(scaled) < 0.0))
         return negative - self.wall.multipliers
 
+    @property
+    def stable(self) -> bool:
+        """Whether no direction is unstable."""
+        return self.unstable_directions == 0
+
     @cached_property
     def force_gradient(self) -> tuple[FloatArray, float]:
         """Derivative of the force by the free unknowns, and by the length at held free unknowns [N/m]."""
@@ -301,6 +300,25 @@ def rest(wall: Wall) -> State:
     return State(wall, np.zeros(wall.size), wall.segment.rest_length, 0.0)
 
 
+def followed(step_to: Callable[[T, float], T | None], start: T, largest: float, least: float) -> tuple[T, float]:
+    """Go from t = 0 towards 1 with steps that are halved on failure and doubled after success, within bounds.
+
+    `step_to` returns the result at t from a result close by, or None on failure. Returns the last result and its t.
+    """
+    result, t, step = start, 0.0, largest
+    while t < 1.0:
+        step = min(step, 1.0 - t)
+        after = t + step if t + step < 1.0 - 1e-12 else 1.0
+        found = step_to(result, after)
+        if found is not None:
+            result, t, step = found, after, min(2.0 * step, largest)
+        elif step <= least:
+            break
+        else:
+            step /= 2.0
+    return result, t
+
+
 Constraint = Callable[[State], tuple[float, FloatArray, float]]
 """Function of a state that returns the value of a constraint, its derivative by the free unknowns, and its derivative
 by the parameter t of the path."""
@@ -312,7 +330,7 @@ def solved(state: State, length: float, value: float) -> State | None:
     step = _linear(state, -start)
     if step is None:
         return None
-    return _newton(replace(state.moved(step, length, value), iterations=1), (0.0, 0.0), None)
+    return constrained(replace(state.moved(step, length, value), iterations=1), (0.0, 0.0), None)
 
 
 def tangent_of(state: State, direction: tuple[float, float]) -> FloatArray | None:
@@ -320,12 +338,11 @@ def tangent_of(state: State, direction: tuple[float, float]) -> FloatArray | Non
     return _linear(state, -state.sensitivity(*direction))
 
 
-def constrained(state: State, direction: tuple[float, float], constraint: Constraint) -> State | None:
-    """Return the equilibrium on a path (length, input) + t direction where a constraint is zero; None on failure."""
-    return _newton(state, direction, constraint)
+def constrained(state: State, direction: tuple[float, float], constraint: Constraint | None) -> State | None:
+    """Return the equilibrium on a path (length, input) + t direction where a constraint is zero; None on failure.
 
-
-def _newton(state: State, direction: tuple[float, float], constraint: Constraint | None) -> State | None:
+    Without a constraint t stays 0.
+    """
     norm = _norm(state, constraint)
     for _ in range(NEWTON_STEPS):
         if norm <= RESIDUAL_TOLERANCE:

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -38,16 +38,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 from scipy.linalg import eigvalsh
 
-from worm3d.fem.axisymmetric import graded
+from worm3d.fem.axisymmetric import followed, graded
 from worm3d.fem.description import Segment
-from worm3d.fem.potential import Assembly, Potential
+from worm3d.fem.potential import Assembly, Potential, operator
 from worm3d.values import arguments
 from worm3d.values.arrays import BoolArray, FloatArray, IntArray
 
 try:
     import skfem
-    from skfem.quadrature import get_quadrature
-    from skfem.refdom import RefQuad
 except ImportError as error:
     raise ImportError("worm3d fem needs scikit-fem: pip install 'worm3d[fem]'") from error
 
@@ -161,10 +159,10 @@ class QuarterModel:
         length, depth, turn = (np.linspace(0.0, 1.0, n + 1) for n in (along, across, around))
         lines = (np.sin(np.pi / 2.0 * length) ** 2, depth, turn**2) if pressed else (graded(along), depth, turn)
         self.mesh, self.grid = _mesh(segment, lines)
-        basis = skfem.Basis(self.mesh, skfem.ElementHex2(), intorder=QUADRATURE_ORDER)
+        basis = skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementHex2()), intorder=QUADRATURE_ORDER)
         multiplier = basis.with_element(skfem.ElementHex1())
-        self.nodes, self.multipliers = basis.N, multiplier.N
-        size = 3 * basis.N + multiplier.N + 1
+        self.nodes, self.multipliers = basis.N // 3, multiplier.N
+        size = basis.N + multiplier.N + 1
         self.wall = _wall(segment, self.grid, basis, multiplier)
         self.volume = _volume(self.mesh, self.grid)
         self.ground = _ground(segment, self.mesh, self.grid, size - 1)
@@ -231,21 +229,20 @@ def equilibrium(model: QuarterModel, condition: Condition, start: BentState | No
     begin, v = Condition(model.segment.rest_length, 0.0, 0.0), model.rest
     if start is not None:
         begin, v = start.condition, start.unknowns
-    done, step, count = 0.0, 1.0, 0
-    while done < 1.0:
-        step = min(step, 1.0 - done)
-        found, used = _newton(model, v, _between(begin, condition, done + step))
-        count += used
-        if found is None:
-            step /= 2.0
-        else:
-            v, done, step = found, done + step, 2.0 * step
-        if step < SMALLEST_STEP:
-            raise NoEquilibriumError(
-                f"bent segment: found no equilibrium at {_said(condition)}; the continuation stopped at "
-                f"{_said(_between(begin, condition, done))}; use more pressure there, or leave the state out"
-            )
-    return _measured(model, v, condition, count)
+    used = []
+
+    def step_to(v: FloatArray, t: float) -> FloatArray | None:
+        found, iterations = _newton(model, v, _between(begin, condition, t))
+        used.append(iterations)
+        return found
+
+    v, done = followed(step_to, v, 1.0, SMALLEST_STEP)
+    if done < 1.0:
+        raise NoEquilibriumError(
+            f"bent segment: found no equilibrium at {_said(condition)}; the continuation stopped at "
+            f"{_said(_between(begin, condition, done))}; use more pressure there, or leave the state out"
+        )
+    return _measured(model, v, condition, sum(used))
 
 
 def with_bends(straight: Sequence[tuple[float, float]], count: int) -> list[tuple[float, float, float]]:
@@ -496,22 +493,21 @@ def _held(grid: FloatArray, driven: IntArray, size: int) -> BoolArray:
 
 def _wall(segment: Segment, grid: FloatArray, basis: skfem.Basis, multiplier: skfem.Basis) -> Potential:
     """Return the strain energy of the wall. Local variables: F row by row, and multiplier over shear modulus."""
-    n = basis.Nbfun
-    B = np.zeros((*basis.dx.shape, 10, 3 * n + multiplier.Nbfun))
-    B[:, :, :9, : 3 * n] = _gradients(basis)
-    B[:, :, 9, 3 * n :] = _values(multiplier)
-    unknowns = np.hstack([_coordinates(basis), 3 * basis.N + multiplier.element_dofs.T])
+    zero = np.zeros_like(basis.dx)
+    columns = [[*_gradient(each[0]), zero] for each in basis.basis]
+    columns += [[zero] * 9 + [each[0] + zero] for each in multiplier.basis]
     e, c = ca.SX.sym("e", 10), ca.SX.sym("c", 7)
     F = ca.reshape(e[:9], 3, 3).T
     strain = segment.density(F.T @ F, c[0:3], c[3:6], c[6])
     density = strain + segment.rubber.constraint(ca.det(F), e[9] * segment.rubber.shear_modulus)
-    return Potential(density, e, c, B, unknowns, basis.dx, _directions(segment, grid, basis))
+    unknowns = np.vstack([basis.element_dofs, basis.N + multiplier.element_dofs]).T
+    return Potential(density, e, c, operator(columns), unknowns, basis.dx, _directions(segment, grid, basis))
 
 
 def _directions(segment: Segment, grid: FloatArray, basis: skfem.Basis) -> FloatArray:
     """Return the unit vectors along the meridian and around the axis, and the radius, shape (7, elements, points)."""
     x, y, _ = np.asarray(basis.global_coordinates())
-    s = np.einsum("eqn,en->eq", _values(basis), grid[0][basis.element_dofs.T])
+    s = np.asarray(basis.with_element(skfem.ElementHex2()).interpolate(grid[0]))
     outward, forward = segment.profile.meridian(s.ravel())[1].reshape(2, *s.shape)
     radius = np.hypot(x, y)
     cosine, sine, zero = x / radius, y / radius, np.zeros_like(x)
@@ -520,54 +516,32 @@ def _directions(segment: Segment, grid: FloatArray, basis: skfem.Basis) -> Float
 
 def _volume(mesh: skfem.MeshHex2, grid: FloatArray) -> Potential:
     """Return V/4, (FB2). Local variables: F row by row, and y. Constant: normal N, with n da = cof(F) N dA."""
-    basis, weight, normal = _surface(mesh, grid, 0.0)
-    n = basis.Nbfun
-    B = np.zeros((*basis.dx.shape, 10, 3 * n))
-    B[:, :, :9] = _gradients(basis)
-    B[:, :, 9, n : 2 * n] = _values(basis)
+    basis = _surface(mesh, grid, 0.0)
+    columns = [[*_gradient(each[0]), np.asarray(each[0])[1]] for each in basis.basis]
     e, N = ca.SX.sym("e", 10), ca.SX.sym("N", 3)
     density = -e[9] * ca.dot(ca.cross(e[6:9], e[0:3]), N)  # N points out of the wall, into the gas
-    return Potential(density, e, N, B, _coordinates(basis), weight, normal)
+    return Potential(density, e, N, operator(columns), basis.element_dofs.T, basis.dx, np.asarray(basis.normals))
 
 
 def _ground(segment: Segment, mesh: skfem.MeshHex2, grid: FloatArray, distance: int) -> Potential:
     """Return Pi_g/4, (FB4). Local variables: x and d. `distance` is the index of the unknown d."""
-    basis, weight, normal = _surface(mesh, grid, 1.0)
-    n = basis.Nbfun
-    B = np.zeros((*basis.dx.shape, 2, n + 1))
-    B[:, :, 0, :n], B[:, :, 1, n] = _values(basis), 1.0
-    unknowns = np.column_stack([_coordinates(basis)[:, :n], np.full(len(B), distance)])
+    basis = _surface(mesh, grid, 1.0)
+    zero = np.zeros_like(basis.dx)
+    columns = [[np.asarray(each[0])[0], zero] for each in basis.basis] + [[zero, zero + 1.0]]
+    unknowns = np.column_stack([basis.element_dofs.T, np.full(len(zero), distance)])
     e = ca.SX.sym("e", 2)
     kappa = GROUND_STIFFNESS * segment.rubber.shear_modulus / segment.thickness_m
     density = kappa / 2.0 * ca.fmax(e[0] - e[1], 0.0) ** 2
-    area = weight * np.linalg.norm(normal, axis=0)
-    return Potential(density, e, ca.SX.sym("c", 0), B, unknowns, area, np.zeros((0, *area.shape)))
+    return Potential(density, e, ca.SX.sym("c", 0), operator(columns), unknowns, basis.dx, np.zeros((0, *zero.shape)))
 
 
-def _surface(mesh: skfem.MeshHex2, grid: FloatArray, depth: float) -> tuple[skfem.Basis, FloatArray, FloatArray]:
-    """Return basis, weights and normals N dA/weight of the surface at a depth, shapes (E, Q) and (3, E, Q)."""
-    elements = np.flatnonzero((grid[1][mesh.t] == depth).any(axis=0))
-    corners, on = skfem.ElementHex1.doflocs[:8], grid[1][mesh.t[:, elements]] == depth
-    axis, side = next((k, end) for k in range(3) for end in (0.0, 1.0) if on[corners[:, k] == end].all())
-    flat, weight = get_quadrature(RefQuad, QUADRATURE_ORDER)
-    points = np.insert(flat, axis, side, axis=0)
-    basis = skfem.Basis(mesh, skfem.ElementHex2(), elements=elements, quadrature=(points, weight))
-    normal = np.abs(basis.mapping.detDF(points, elements)) * basis.mapping.invDF(points, elements)[axis]
-    return basis, np.broadcast_to(weight, basis.dx.shape), normal * (2.0 * side - 1.0)
+def _surface(mesh: skfem.MeshHex2, grid: FloatArray, depth: float) -> skfem.FacetBasis:
+    """Return the basis on the surface at a depth."""
+    facets = np.flatnonzero((grid[1][mesh.facets] == depth).all(axis=0))
+    return skfem.FacetBasis(mesh, skfem.ElementVector(skfem.ElementHex2()), facets=facets, intorder=QUADRATURE_ORDER)
 
 
-def _gradients(basis: skfem.Basis) -> FloatArray:
-    """Return F row by row as a linear function of the positions, shape (elements, points, 9, 3 functions)."""
-    gradients = np.array([basis.basis[i][0].grad for i in range(basis.Nbfun)]).transpose(2, 3, 1, 0)
-    return np.kron(np.eye(3), gradients)
-
-
-def _values(basis: skfem.Basis) -> FloatArray:
-    """Return the shape functions, shape (elements, points, functions)."""
-    values = [np.broadcast_to(basis.basis[i][0], basis.dx.shape) for i in range(basis.Nbfun)]
-    return np.array(values).transpose(1, 2, 0)
-
-
-def _coordinates(basis: skfem.Basis) -> IntArray:
-    """Return the indices of all x, then y, then z, of the nodes of each element, shape (elements, 3 functions)."""
-    return np.hstack([3 * basis.element_dofs.T + i for i in range(3)])
+def _gradient(function: Any) -> FloatArray:
+    """Return the gradient of a vector function row by row, shape (9, elements, points)."""
+    gradient = np.asarray(function.grad)
+    return gradient.reshape(9, *gradient.shape[2:])

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from worm3d.fem.axisymmetric import State
 from worm3d.fem.bending import BentState, QuarterModel
-from worm3d.fem.sweep import Row
 from worm3d.values.arrays import FloatArray
 
 SHAPES = 6
@@ -21,9 +20,9 @@ WIDTH, HEIGHT = 11.0, 7.0
 """Size of a picture [inch]."""
 
 
-def shapes(rows: Sequence[Row]) -> Figure:
+def shapes(states: Sequence[State]) -> Figure:
     """Return a figure of the deformed meshes: states without axial force first, then the ends of the domain."""
-    chosen = _chosen([row.state for row in rows if row.stable])
+    chosen = _chosen([state for state in states if state.stable])
     figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
     axes = figure.subplots(2, (SHAPES + 1) // 2, sharex=True, sharey=True, squeeze=False).ravel()
     for axis, state in zip(axes, chosen, strict=False):
@@ -65,10 +64,10 @@ def _input(state: State) -> str:
     return f"cable {state.input:.2f} N" if state.is_cable else f"{state.input / 1e3:.2f} kPa"
 
 
-def states(rows: Sequence[Row]) -> Figure:
+def states(every: Sequence[State]) -> Figure:
     """Return a figure of the states in the plane of length and input, with force and radius as colours."""
     figure = Figure(figsize=(WIDTH, HEIGHT / 1.6), layout="constrained")
-    stable, crumpled = ([row.state for row in rows if row.stable is kind] for kind in (True, False))
+    stable, crumpled = ([state for state in every if state.stable is kind] for kind in (True, False))
     columns = (("force", "axial force [N]", 1.0), ("radius", "greatest outer radius [mm]", 1e3))
     for axis, (name, label, unit) in zip(figure.subplots(1, 2), columns, strict=True):
         points = np.array([[state.length * 1e3, state.input, getattr(state, name) * unit] for state in stable])

@@ -99,3 +99,11 @@ class Assembly:
         """Return the sum of element matrices, shape (size, size). Each of `parts` has the shape (elements, n, n)."""
         data = np.bincount(self._slot, np.concatenate([p.ravel() for p in parts]), len(self._row))
         return sp.csc_matrix((data, self._row, self._start), (self.size, self.size))
+
+
+def operator(columns: list[list[FloatArray]]) -> FloatArray:
+    """Return the matrices from unknowns to local variables, shape (elements, points, variables, unknowns).
+
+    `columns` contains the local variables at all points, shape (elements, points), for a unit of each unknown.
+    """
+    return np.ascontiguousarray(np.array(columns).transpose(2, 3, 1, 0))

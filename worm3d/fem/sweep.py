@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from worm3d.fem.axisymmetric import Constraint, State, Wall, constrained, rest, solved, tangent_of
+from worm3d.fem.axisymmetric import Constraint, State, Wall, constrained, followed, rest, solved, tangent_of
 from worm3d.values.arrays import FloatArray
 
 LARGEST_STEP = 0.125
@@ -105,25 +105,17 @@ class Reached:
 
 
 @dataclass(frozen=True)
-class Row:
-    """A row of the table."""
-
-    state: State
-    stable: bool
-
-
-@dataclass(frozen=True)
 class Progress:
     """Progress of a sweep, for the line on the terminal."""
 
-    rows: tuple[Row, ...]
+    states: tuple[State, ...]
     stopped: tuple[str, ...]
     """A sentence for each target that no way has reached."""
 
     @property
     def stable(self) -> int:
         """Number of stable states."""
-        return sum(row.stable for row in self.rows)
+        return sum(state.stable for state in self.states)
 
 
 def reached(start: State, length: float, value: float, domain: Domain) -> Reached:
@@ -151,22 +143,13 @@ def by_steps(start: State, length: float, value: float, domain: Domain) -> Reach
     """Follow a straight path with steps that are halved on failure and doubled after success."""
     ends = domain.scaled(np.array([start.length, length]), np.array([start.input, value]))
     largest = LARGEST_STEP / max(float(np.linalg.norm(ends[1] - ends[0])), LARGEST_STEP)
-    least, step, t, state = largest * LEAST_STEP / LARGEST_STEP, largest, 0.0, start
-    while t < 1.0 - 1e-12:
-        step = min(step, 1.0 - t)
-        after = t + step
-        found = solved(state, _between(start.length, length, after), _between(start.input, value, after))
-        if found is not None:
-            t, state, step = after, found, min(2.0 * step, largest)
-        elif step <= least:
-            return Reached(state, False, "steps")
-        else:
-            step /= 2.0
-    return Reached(state, True, "steps")
 
+    def step_to(state: State, t: float) -> State | None:
+        along, across = ((a + t * (b - a) if t < 1.0 else b) for a, b in ((start.length, length), (start.input, value)))
+        return solved(state, along, across)
 
-def _between(a: float, b: float, t: float) -> float:
-    return b if t >= 1.0 - 1e-12 else a + t * (b - a)
+    state, t = followed(step_to, start, largest, largest * LEAST_STEP / LARGEST_STEP)
+    return Reached(state, t == 1.0, "steps")
 
 
 def by_arc_length(start: State, length: float, value: float) -> State | None:
@@ -295,9 +278,9 @@ def domain_of(wall: Wall, free: list[State]) -> Domain:
 
 
 def sweep(wall: Wall, count: int) -> Iterator[Progress]:
-    """Yield the rows after each state, until `count` rows are stable.
+    """Yield the states after each state, until `count` states are stable.
 
-    The first rows are the states without axial force and the corners of the domain. Each further state is as far as
+    The first states are the states without axial force and the corners of the domain. Each further state is as far as
     possible from all before it.
 
     Raises
@@ -307,7 +290,7 @@ def sweep(wall: Wall, count: int) -> Iterator[Progress]:
     """
     free = free_states(wall)
     domain = domain_of(wall, free)
-    progress = Progress(tuple(Row(state, state.unstable_directions == 0) for state in free[:count]), ())
+    progress = Progress(tuple(free[:count]), ())
     tried = [domain.spread(state.length, state.input) for state in free]
     grid, corners = domain.grid(), list(domain.corners())
     yield progress
@@ -334,32 +317,31 @@ def farthest(domain: Domain, grid: FloatArray, tried: list[FloatArray]) -> Float
 
 def _with_state(progress: Progress, target: tuple[float, float], domain: Domain, fallback: State) -> Progress:
     """Return the progress with the state at a target, reached from the nearest stable state."""
-    starts = [row.state for row in progress.rows if row.stable] or [fallback]
+    starts = [state for state in progress.states if state.stable] or [fallback]
     goal = domain.scaled(*target)
     start = min(starts, key=lambda state: float(np.linalg.norm(domain.scaled(state.length, state.input) - goal)))
     found = reached(start, *target, domain)
     if found.arrived:
-        row = Row(found.state, found.state.unstable_directions == 0)
-        return replace(progress, rows=(*progress.rows, row))
+        return replace(progress, states=(*progress.states, found.state))
     where = f"stopped at {found.state.length * 1e3:.2f} mm and {found.state.input:.6g}"
     aim = f"on the way to {target[0] * 1e3:.2f} mm and {target[1]:.6g}"
     return replace(progress, stopped=(*progress.stopped, f"{where} {aim}"))
 
 
-def mesh_error(rows: tuple[Row, ...], finer: Wall, watch: Callable[[int], None] = lambda done: None) -> float:
+def mesh_error(states: tuple[State, ...], finer: Wall, watch: Callable[[int], None] = lambda done: None) -> float:
     """Return the rms difference of the force on a second mesh, relative to the rms force of the table; NaN if none.
 
     Some stable states, spread over the table, are solved on both meshes.
 
     Parameters
     ----------
-    rows : tuple of Row
+    states : tuple of State
     finer : Wall
         Model of the same segment on a finer mesh.
     watch : callable
         Called with the number of finished states after each state.
     """
-    stable = [row.state for row in rows if row.stable]
+    stable = [state for state in states if state.stable]
     rms = float(np.sqrt(np.mean([state.force**2 for state in stable])))
     chosen = [stable[n] for n in np.unique(np.linspace(0, len(stable) - 1, CHECKED_STATES + 1).astype(int))[1:]]
     lengths = [state.length for state in stable]

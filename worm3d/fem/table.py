@@ -12,7 +12,6 @@ from scipy.io import netcdf_file
 from worm3d.fem.axisymmetric import State
 from worm3d.fem.bending import BentState
 from worm3d.fem.description import Segment
-from worm3d.fem.sweep import Row
 from worm3d.values.arrays import FloatArray
 
 KIND, VERSION = "worm3d segment table", 1
@@ -41,20 +40,11 @@ POINTS_OF_A_SEGMENT = 2
 """Number of contact points of a segment of a worm that share a load: the lower apexes left and right."""
 
 
-def columns(rows: Sequence[Row]) -> dict[str, FloatArray]:
+def columns(states: Sequence[State]) -> dict[str, FloatArray]:
     """Return the columns of axisymmetric states, each as an array of shape (rows,)."""
-    states = [row.state for row in rows]
-    zero = np.zeros(len(rows))
-    return {
-        "length_m": _each(states, "length"),
-        "bend_rad": zero,
-        states[0].wall.segment.load.input: _each(states, "input"),
-        "force_N": _each(states, "force"),
-        "moment_Nm": zero,
-        "radius_m": _each(states, "radius"),
-        "volume_m3": _each(states, "volume"),
-        "stable": np.array([float(row.stable) for row in rows]),
-    }
+    fields = {"length_m": "length", "bend_rad": "", states[0].wall.segment.load.input: "input", "force_N": "force"}
+    fields |= {"moment_Nm": "", "radius_m": "radius", "volume_m3": "volume", "stable": "stable"}
+    return {name: np.array([getattr(each, of) if of else 0.0 for each in states], float) for name, of in fields.items()}
 
 
 def pressed(states: Sequence[tuple[float, BentState]]) -> dict[str, FloatArray]:
@@ -71,10 +61,6 @@ def contact_stiffness(table: Mapping[str, FloatArray]) -> float | None:
     """
     load, way = (table.get(f"{PRESSED}{name}", np.zeros(0)) for name in ("load_N", "indentation_m"))
     return float(np.median(load / way)) / POINTS_OF_A_SEGMENT if len(load) else None
-
-
-def _each(states: Sequence[State], name: str) -> FloatArray:
-    return np.array([getattr(state, name) for state in states], dtype=float)
 
 
 def write(path: Path, segment: Segment, table: Mapping[str, FloatArray], source: str, mesh_error: float) -> None:

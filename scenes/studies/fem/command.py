@@ -81,11 +81,13 @@ def run(segment: str, out: Path, options: Options) -> int:
     found_error = _checked(described, result, options)
     straight = _working(result)
     bent = _bent(described, straight, options)
-    free = [(row.state.length, row.state.input) for row in result.rows[1:FREE_STATES] if row.stable]
+    free = [(state.length, state.input) for state in result.states[1:FREE_STATES] if state.stable]
     model, pressed = _pressed(described, free, options)
-    rows = {name: np.append(column, [row[name] for row in bent]) for name, column in table.columns(result.rows).items()}
+    rows = {
+        name: np.append(column, [row[name] for row in bent]) for name, column in table.columns(result.states).items()
+    }
     rows |= table.pressed(pressed)
-    written = {"shapes": pictures.shapes(result.rows), "states": pictures.states(result.rows)}
+    written = {"shapes": pictures.shapes(result.states), "states": pictures.states(result.states)}
     if model is not None and pressed:
         written["patch"] = pictures.patch(model, *pressed[-1])
     _write(out, described, result, rows, len(bent), options, found_error)
@@ -146,12 +148,12 @@ def _swept(segment: Segment, options: Options) -> Progress:
 def _checked(segment: Segment, result: Progress, options: Options) -> float:
     along, across = options.mesh
     with progress("mesh error", CHECKED_STATES, quiet=options.quiet, what="state") as show:
-        return mesh_error(result.rows, Wall(segment, 2 * along, 2 * across), show)
+        return mesh_error(result.states, Wall(segment, 2 * along, 2 * across), show)
 
 
 def _working(result: Progress) -> list[tuple[float, float]]:
     """Return length and input of the straight states in which a segment works."""
-    stable = [row.state for row in result.rows if row.stable]
+    stable = [state for state in result.states if state.stable]
     peak = max(abs(state.force) for state in stable)
     low, high = (share * peak for share in BENT_FORCES)
     return [(state.length, state.input) for state in stable if low <= state.force <= high and state.input > 0.0]
@@ -219,7 +221,7 @@ def picture_path(out: Path, name: str) -> Path:
 
 
 def _report(out: Path, result: Progress, error: float, seconds: float, names: list[str]) -> None:
-    crumpled = len(result.rows) - result.stable
+    crumpled = len(result.states) - result.stable
     typer.echo(f"{counted(result.stable, 'stable state')}, {crumpled} crumpled, in {seconds:.0f} s")
     typer.echo(f"mesh error of the force: {100.0 * error:.2g} % (rms, from a mesh of half the size)")
     for sentence in result.stopped:

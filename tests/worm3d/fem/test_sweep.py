@@ -90,19 +90,15 @@ def test_a_balloon_snaps_through_on_both_ways() -> None:
 def test_first_states_have_no_force_and_each_further_one_is_far_from_those_before(swept: Progress) -> None:
     assert swept.stable == 20
     assert swept.stopped == ()
-    states = [row.state for row in swept.rows]
+    states = swept.states
     assert max(abs(state.force) for state in states[:FREE_STATES]) < 1e-6
     assert (np.diff([state.length for state in states[:FREE_STATES]]) < 0.0).all()
     lengths, inputs = np.array([state.length for state in states]), np.array([state.input for state in states])
-    places = domain_of(swept.rows[0].state.wall, states[:FREE_STATES]).spread(lengths, inputs)
+    places = domain_of(states[0].wall, states[:FREE_STATES]).spread(lengths, inputs)
     chosen = range(FREE_STATES + CORNERS, len(places))
     gaps = [np.linalg.norm(places[:n] - places[n], axis=1).min() for n in chosen]
     assert all(after <= before * 1.001 for before, after in pairwise(gaps))
     assert min(gaps) > 0.15
-
-
-def test_stability_is_marked(swept: Progress) -> None:
-    assert all(row.stable == (row.state.unstable_directions == 0) for row in swept.rows)
 
 
 def test_a_domain_without_stable_states_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,23 +109,23 @@ def test_a_domain_without_stable_states_is_refused(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_second_mesh_has_the_state_and_says_the_error(swept: Progress) -> None:
-    state = swept.rows[-1].state
+    state = swept.states[-1]
     finer = Wall(SEGMENT, 12, 2)
     found = on_mesh(state, finer)
     assert found is not None
     assert_allclose(found.radius, state.radius, rtol=2e-3)
-    assert mesh_error(swept.rows, state.wall) < 1e-6
-    assert 1e-5 < mesh_error(swept.rows, finer) < 0.1
+    assert mesh_error(swept.states, state.wall) < 1e-6
+    assert 1e-5 < mesh_error(swept.states, finer) < 0.1
 
 
 def test_table_has_columns_units_and_attributes(swept: Progress, tmp_path: Path) -> None:
     path = tmp_path / "table.nc"
-    table.write(path, SEGMENT, table.columns(swept.rows), "a test", 1e-3)
+    table.write(path, SEGMENT, table.columns(swept.states), "a test", 1e-3)
     with netcdf_file(path, mmap=False) as file:
         assert (file.kind, file.version, file.input) == (b"worm3d segment table", 1, b"pressure")
         assert file.rest_length_m == SEGMENT.rest_length
         assert file.variables["force_N"].units == b"N"
-        expected = [row.state.force for row in swept.rows]
+        expected = [state.force for state in swept.states]
         assert_allclose(file.variables["force_N"][:], expected)
         pressed = {name for name in table.COLUMNS if name.startswith("pressed")}
         assert set(file.variables) == set(table.COLUMNS) - {"cable_N"} - pressed

@@ -31,10 +31,6 @@ from worm3d.physics.segment_laws.network import ENERGY_SIZES, RADIUS_SIZES, netw
 from worm3d.values.arrays import FloatArray
 from worm3d.values.parameters import documented, parameter
 
-FLATTENING_LENGTHS = 201
-"""Number of lengths at which `Learned.flattening_weight` looks for the greatest weight. Half and double this number
-change the weight by less than 0.1 %."""
-
 
 @documented
 @dataclass(frozen=True, eq=False)
@@ -157,20 +153,6 @@ class Learned(SegmentLaw, name="learned"):
         law, n = self.law, worm.segments
         shortest, longest = (np.tile(bound, (n, 1)) for bound in (law.shortest, law.longest))
         return Domain(shortest, longest, np.zeros(n), np.full(n, law.most_contraction))
-
-    def flattening_weight(self, worm: Body, contraction: float) -> FloatArray:
-        """Return the greatest weight that a segment bears in the domain, shape (N,) [N].
-
-        In equilibrium the weight is 2 dU/dl over -dh/dl, as in `worm3d.physics.segment_laws.limit_point`. A segment
-        whose height does not fall with its length bears any weight.
-        """
-        longest = float(self.possible(worm, np.full((worm.segments, 1), contraction))[1][0, 0])
-        length = np.linspace(worm.l0 * (1.0 - contraction), longest, FLATTENING_LENGTHS)
-        forces, radii = self.ensemble(length, np.full(FLATTENING_LENGTHS, contraction))
-        height = np.sqrt(radii[self.member] ** 2 - float(np.ravel(worm.chamber_offset)[0]) ** 2)
-        fall = -np.gradient(height, length)
-        borne = np.where(fall > 0.0, forces[self.member] / np.where(fall > 0.0, fall, 1.0), np.inf)
-        return np.full(worm.segments, borne.max())
 
     def ensemble(self, length: FloatArray, contraction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return axial forces of a straight segment [N], and its radii [m], according to all laws of the file.
