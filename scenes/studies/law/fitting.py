@@ -142,7 +142,11 @@ class Fit(ReadOnly):
 
     def outer_radius(self, length: FloatArray, at: FloatArray) -> FloatArray:
         """Return the outer radii at lengths and inputs, each of shape (S,) [m]."""
-        return radius_function(self.scales, len(at))(self.radius, length, self.free.contraction(at))[0][:, 0, 0]
+        return self.radius_of(length, self.free.contraction(at))
+
+    def radius_of(self, length: FloatArray, contraction: FloatArray) -> FloatArray:
+        """Return the outer radii at lengths and contractions, each of shape (S,) [m]."""
+        return radius_function(self.scales, len(length))(self.radius, length, contraction)[0][:, 0, 0]
 
 
 class _EnergyProblem:

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull, Delaunay
 
 from scenes.language.errors import SceneError
-from scenes.studies.law.fitting import Fit, Scales, drawn, fit_energy, fit_radius, force_weights, radius_function
+from scenes.studies.law.fitting import Fit, Scales, drawn, fit_energy, fit_radius, force_weights
 from scenes.studies.law.free import BoolArray, Free, States, start
 from scenes.studies.law.prepared import EVEN_STEPS, Prepared
 from worm3d.physics.segment_laws.learned import Learned
@@ -360,7 +360,7 @@ def _offset(prepared: Prepared, fit: Fit) -> float:
     """
     (low, high), most = domain(fit, prepared.states)
     corners = np.meshgrid(np.linspace(low, high, 21), np.linspace(0.0, most, 21))
-    least = float(_radius(fit, *(each.ravel() for each in corners)).min())
+    least = float(fit.radius_of(*(each.ravel() for each in corners)).min())
     given = prepared.table.facts.get("chamber_offset_m")
     if least <= 0.0 or (given is not None and given >= least):
         raise SceneError(
@@ -389,10 +389,6 @@ def _moment(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
     longer, shorter = (fit.force(length + sign * offset * bend, level) / 2.0 for sign in (1.0, -1.0))
     found: FloatArray = offset * (longer - shorter)
     return found
-
-
-def _radius(fit: Fit, length: FloatArray, contraction: FloatArray) -> FloatArray:
-    return radius_function(fit.scales, len(length))(fit.radius, length, contraction)[0][:, 0, 0]
 
 
 def _bending(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, float | None]:
@@ -451,7 +447,7 @@ def _content(law: Law) -> dict[str, Any]:
     low, high = fit.free.spline.low, fit.free.spline.high
     at = np.linspace(low, high, TABLE_SIZE)
     at, value = (at[::-1], high - at[::-1]) if fit.free.lengthens else (at, at)
-    rest_radius = float(_radius(fit, np.array([s.rest_length]), np.zeros(1))[0])
+    rest_radius = float(fit.radius_of(np.array([s.rest_length]), np.zeros(1))[0])
     return {
         "kind": "worm3d segment law",
         "version": 1,
