@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 import typer
@@ -77,19 +77,6 @@ def _draw(law: Law, path: Path, picture: Path) -> None:
     save_figure(figure.draw(law, f"Segment law of {path.name}", model), picture)
 
 
-class _Row(NamedTuple):
-    """Errors of a law at some of the states."""
-
-    states: str
-    force_rms_N: float
-    force_rms_relative: float
-    force_peak_N: float
-    force_band_rms_N: float | None
-    force_band_rms_relative: float | None
-    radius_rms_m: float
-    volume_rms_relative: float | None
-
-
 ERROR_COLUMNS = {
     "states": Column("states"),
     "force rms [N]": Column("force_rms_N", ".3g"),
@@ -113,7 +100,8 @@ def said(law: Law, path: Path) -> list[Block]:
     """Return the report."""
     table, states = law.prepared.table, law.states
     left = "".join(f", {counted(count, 'row')} left out for {reason}" for reason, count in table.left_out.items())
-    rows = [_row("held out", law.errors()), _row("fitted", errors(law.fit, states, states))]
+    found = {"held out": law.errors(), "fitted": errors(law.fit, states, states)}
+    rows = [SimpleNamespace(states=name, **each) for name, each in found.items()]
     blocks: list[Block] = [
         f"{path}: {counted(len(states), 'state')}{left}",
         Table.of(ERROR_COLUMNS, rows),
@@ -122,10 +110,6 @@ def said(law: Law, path: Path) -> list[Block]:
     if (cycle := law.prepared.cycle) is not None:
         blocks += [*_friction(law, cycle)]
     return blocks
-
-
-def _row(name: str, found: Mapping[str, float | None]) -> _Row:
-    return _Row(name, **{key: found[key] for key in _Row._fields if key != "states"})  # type: ignore[arg-type]
 
 
 def _sentences(law: Law) -> Iterable[str]:

@@ -22,6 +22,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from scenes.studies.law.free import Free, States
@@ -141,7 +142,11 @@ class Fit(ReadOnly):
 
     def outer_radius(self, length: FloatArray, at: FloatArray) -> FloatArray:
         """Return the outer radii at lengths and inputs, each of shape (S,) [m]."""
-        return radius_function(self.scales, len(at))(self.radius, length, self.free.contraction(at))[0][:, 0, 0]
+        return self.radius_of(length, self.free.contraction(at))
+
+    def radius_of(self, length: FloatArray, contraction: FloatArray) -> FloatArray:
+        """Return the outer radii at lengths and contractions, each of shape (S,) [m]."""
+        return radius_function(self.scales, len(length))(self.radius, length, contraction)[0][:, 0, 0]
 
 
 class _EnergyProblem:
@@ -156,7 +161,8 @@ class _EnergyProblem:
         self._force, self._force_weights = states.force, force_weights(states.force)[:, None]
         self._volume = states.volume
         self._volume_weight = 0.0 if states.volume is None else 1.0 / float(np.std(states.volume))
-        self._ridge = np.sqrt(penalty * len(states))
+        parts = np.eye(ENERGY_WEIGHTS), np.diff(np.eye(len(free.log_steps)), axis=0), np.zeros((0, len(free.volumes)))
+        self._penalties = np.sqrt(penalty * len(states)) * block_diag(*parts)
         self._at: FloatArray = np.zeros(0)
 
     def solve(self) -> Fit:
@@ -180,12 +186,12 @@ class _EnergyProblem:
         return weights, free
 
     def residuals(self, unknowns: FloatArray) -> FloatArray:
-        """Return the weighted errors of forces and volumes, and the weighted weights."""
-        weights, free = self._evaluate(unknowns)
+        """Return the weighted errors of forces and volumes, weights, and differences of the logarithms of steps."""
+        _, free = self._evaluate(unknowns)
         errors = [self._force_weights[:, 0] * (self._values[:, 0, 0] - self._force)]
         if self._volume is not None:
             errors.append(self._volume_weight * (self._values[:, 1, 0] + self._basis @ free.volumes - self._volume))
-        return np.concatenate([*errors, self._ridge * weights])
+        return np.concatenate([*errors, self._penalties @ unknowns])
 
     def jacobian(self, unknowns: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals."""
@@ -193,7 +199,7 @@ class _EnergyProblem:
         blocks = [self._force_weights * self._rows(0, free, np.zeros_like(self._basis))]
         if self._volume is not None:
             blocks.append(self._volume_weight * self._rows(1, free, self._basis))
-        return np.vstack([*blocks, self._ridge * np.eye(ENERGY_WEIGHTS, len(unknowns))])
+        return np.vstack([*blocks, self._penalties])
 
     def _rows(self, output: int, free: Free, of_volumes: FloatArray) -> FloatArray:
         of = self._of[:, output]
@@ -212,7 +218,8 @@ def force_weights(force: FloatArray, rms: float | None = None) -> FloatArray:
 def fit_energy(begin: Fit, states: States, penalty: float) -> Fit:
     """Return the law whose energy and functions of the input fit states, from a law at the start.
 
-    The penalty is the weight of the sum of the squares of all weights, beside the mean square of the relative errors.
+    The penalty is the weight of two sums of squares beside the mean square of the relative errors: of all weights, and
+    of the differences between the logarithms of neighbouring steps of a(u). Without the latter, steps can vanish.
     """
     return _EnergyProblem(begin, states, penalty).solve()
 

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull, Delaunay
 
 from scenes.language.errors import SceneError
-from scenes.studies.law.fitting import Fit, Scales, drawn, fit_energy, fit_radius, force_weights, radius_function
+from scenes.studies.law.fitting import Fit, Scales, drawn, fit_energy, fit_radius, force_weights
 from scenes.studies.law.free import BoolArray, Free, States, start
 from scenes.studies.law.prepared import EVEN_STEPS, Prepared
 from worm3d.physics.segment_laws.learned import Learned
@@ -198,21 +198,24 @@ class _Fitter:
     def law(self, states: States, free: Free) -> tuple[Fit, tuple[Fit, ...], float]:
         """Return a law without creases, laws of parts of the states, and the penalty of the energy.
 
-        The penalties are those of the least errors of the laws of the parts at the states that they do not see.
+        The penalties are those of the least errors of the laws of the parts at the states that they do not see. Errors
+        are compared by their medians, since a few states at the edge of the table can have errors a hundred times as
+        large.
         """
         seen = [~_drawn_rows(len(states), LEFT_OUT, self._rng) for _ in range(MEMBERS)]
 
-        def chosen(paths: Sequence[Sequence[Fit]], cost: Callable[[Fit, States], float]) -> int:
-            parts = list(zip(paths, seen, strict=True))
-            costs = [sum(cost(path[k], states.part(~rows)) for path, rows in parts) for k in range(len(PENALTIES))]
-            return int(np.argmin(costs))
+        def chosen(paths: Sequence[Sequence[Fit]], squares: Callable[[Fit, States], FloatArray]) -> int:
+            parts = [(path, states.part(~rows)) for path, rows in zip(paths, seen, strict=True)]
+            every = range(len(PENALTIES))
+            found = [np.concatenate([squares(path[k], unseen) for path, unseen in parts]) for k in every]
+            return int(np.argmin(np.median(found, axis=1)))
 
         paths = [self._energies(states.part(rows), free, PENALTIES) for rows in seen]
-        best = chosen(paths, _cost)
+        best = chosen(paths, _squares)
         first, parts = self._energies(states, free, PENALTIES[: best + 1])[-1], [path[best] for path in paths]
         smooth = self._counted(fit_energy(first, _with_medians(states, [first, *parts]), PENALTIES[best]))
         paths = [self._radii(part, states.part(rows), PENALTIES) for part, rows in zip(parts, seen, strict=True)]
-        own = chosen(paths, _radius_cost)
+        own = chosen(paths, _radius_squares)
         fit = self._radii(smooth, states, PENALTIES[: own + 1])[-1]
         return fit, tuple(path[own] for path in paths), PENALTIES[best]
 
@@ -307,17 +310,18 @@ def _drawn_rows(count: int, share: float, rng: np.random.Generator) -> BoolArray
     return np.isin(np.arange(count), rng.permutation(count)[: round(share * count)])
 
 
-def _cost(fit: Fit, states: States) -> float:
-    """Return the mean square of the relative errors at some states."""
+def _squares(fit: Fit, states: States) -> FloatArray:
+    """Return the squares of the relative errors at some states."""
     miss = force_weights(states.force) * (fit.force(states.length, states.input) - states.force)
-    cost = float(np.mean(miss**2))
+    squares: FloatArray = miss**2
     if states.volume is not None:
-        cost += float(np.mean((fit.volume(states.length, states.input) - states.volume) ** 2) / np.var(states.volume))
-    return cost
+        squares += (fit.volume(states.length, states.input) - states.volume) ** 2 / np.var(states.volume)
+    return squares
 
 
-def _radius_cost(fit: Fit, states: States) -> float:
-    return float(np.mean((fit.outer_radius(states.length, states.input) - states.radius) ** 2))
+def _radius_squares(fit: Fit, states: States) -> FloatArray:
+    squares: FloatArray = (fit.outer_radius(states.length, states.input) - states.radius) ** 2
+    return squares
 
 
 def domain(fit: Fit, states: States) -> tuple[tuple[float, float], float]:
@@ -360,7 +364,7 @@ def _offset(prepared: Prepared, fit: Fit) -> float:
     """
     (low, high), most = domain(fit, prepared.states)
     corners = np.meshgrid(np.linspace(low, high, 21), np.linspace(0.0, most, 21))
-    least = float(_radius(fit, *(each.ravel() for each in corners)).min())
+    least = float(fit.radius_of(*(each.ravel() for each in corners)).min())
     given = prepared.table.facts.get("chamber_offset_m")
     if least <= 0.0 or (given is not None and given >= least):
         raise SceneError(
@@ -389,10 +393,6 @@ def _moment(prepared: Prepared, fit: Fit, offset: float) -> FloatArray:
     longer, shorter = (fit.force(length + sign * offset * bend, level) / 2.0 for sign in (1.0, -1.0))
     found: FloatArray = offset * (longer - shorter)
     return found
-
-
-def _radius(fit: Fit, length: FloatArray, contraction: FloatArray) -> FloatArray:
-    return radius_function(fit.scales, len(length))(fit.radius, length, contraction)[0][:, 0, 0]
 
 
 def _bending(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, float | None]:
@@ -451,7 +451,7 @@ def _content(law: Law) -> dict[str, Any]:
     low, high = fit.free.spline.low, fit.free.spline.high
     at = np.linspace(low, high, TABLE_SIZE)
     at, value = (at[::-1], high - at[::-1]) if fit.free.lengthens else (at, at)
-    rest_radius = float(_radius(fit, np.array([s.rest_length]), np.zeros(1))[0])
+    rest_radius = float(fit.radius_of(np.array([s.rest_length]), np.zeros(1))[0])
     return {
         "kind": "worm3d segment law",
         "version": 1,

@@ -142,6 +142,19 @@ def test_falling_penalties_keep_a_fit_of_few_states_free_of_creases() -> None:
     assert rms(alone.force(length, p) - force) > 0.02 * rms(force)
 
 
+def test_a_vanished_step_of_the_free_contraction_comes_back() -> None:
+    """The force has no slope over the logarithm of such a step, only the penalty has one."""
+    states = prepared(Membrane().table(60)).states
+    free = start(states, 0.06)
+    steps = np.array(free.log_steps)
+    steps[1] = -20.0
+    weights = fitting.drawn(ENERGY_SIZES, np.random.default_rng(0))
+    begin = Fit(law._scales(states, free), weights, np.zeros(25), replace(free, log_steps=steps))
+    found = law._path(fitting.fit_energy, begin, states, law.PENALTIES)[-1]
+    assert_allclose(found.free.log_steps[1], found.free.log_steps[[0, 2]].mean(), atol=1.0)
+    assert rms(found.force(states.length, states.input) - states.force) < 0.002 * rms(states.force)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("truth", [Membrane(), OTHER])
 @pytest.mark.parametrize(("count", "all_forces", "band"), [(100, 0.003, 0.016), (60, 0.01, 0.03)])
