@@ -317,6 +317,11 @@ def test_a_gait_file_gives_the_same_gait_and_mistakes_are_told(tmp_path: Path, m
     (tmp_path / "own" / "scene.toml").write_text('model = "worm"\ngait = "near.toml"\n')
     (tmp_path / "own" / "near.toml").write_text(fragment(gait, "a gait", []))
     assert_array_equal(gait_of(load_scene("own/scene.toml").settings).duty, gait.duty)
+    slow = gait_of(load_scene("flat", ["gait.wavelength=3", "gait=gait.toml", "gait.period_s=4"]).settings)
+    assert slow.period == 4.0
+    assert_array_equal(slow.duty, gait.duty)
+    near = gait_of(load_scene("own/scene.toml", ["gait.amplitude=0.1"]).settings)
+    assert near.amplitude == 0.1
     with pytest.raises(SceneError, match=r"gait: .*lost.toml.*no such file"):
         load_scene("flat", ["gait=lost.toml"])
     (tmp_path / "wrong.toml").write_text("[worm]\nsegments = 4\n")
