@@ -341,6 +341,9 @@ def test_the_command_writes_a_gait_that_runs_and_a_card(worm3d, tmp_path: Path) 
     assert "data:image/png;base64," in (tmp_path / "best" / "card.html").read_text()
     scores = [json.loads(line) for line in (tmp_path / "best" / ".worm3d-search-0.jsonl").read_text().split("\n")[1:-1]]
     best = max(float(value) for _, value, _ in scores)
+    more = worm3d(*given[:5], 42, *given[6:])  # goes on in a folder with results
+    assert more.code == 0, more.err
+    assert (tmp_path / "best" / ".worm3d-search-0.jsonl").read_text().count("\n") == 43
     ran = worm3d("run", "flat", "-o", "gait=best/gait.toml", "-o", "run.duration_s=12", "--out", "again")
     assert ran.code == 0
     summary = json.loads((tmp_path / "again" / "summary.json").read_text())
