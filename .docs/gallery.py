@@ -28,7 +28,8 @@ SCENE_GROUPS = {
     "On the ground": "flat slope slope_5 slope_15 rubble free_fall",
     "In pipes and tunnels": "pipe_straight pipe_bend pipe_narrowing pipe_vertical pipe_reflex pipe_reflex_vertical "
     "slope_into_pipe mesh_tunnel",
-    "Gaits and turning": "inchworm phases shc larva_network turn turn_planned sidewinding circling",
+    "Gaits and turning": "inchworm phases optimised_speed optimised_robust shc larva_network turn turn_planned "
+    "sidewinding circling",
     "With a controller": "path_line path_circle path_s_curve path_s_curve_slope path_waypoints there_and_back "
     "obstacles disturbance_push heading_hold stop_and_go velocity_step velocity_sine velocity_pipe "
     "pipe_climb_controlled",

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,11 @@ from scenes.language.checks import Check, Passed, cross_mistakes, kind_checks
 from scenes.language.errors import SceneError, printable
 from scenes.language.loader import SHIPPED_FOLDER, find_scene, read_text
 from scenes.language.mistakes import Mistake, report, schema_mistakes, validated
-from scenes.language.overrides import apply_overrides
+from scenes.language.overrides import apply_overrides, override_texts
 from scenes.language.reading import trusted
 from scenes.language.schema import Section, key_at, keys_in, with_own_defaults
 from scenes.language.sweep_section import STUDY, SWEEP, Outside
+from scenes.language.toml import KeyPath
 from scenes.models.base import Model
 from worm3d.values.spelling import did_you_mean
 
@@ -97,7 +99,7 @@ class Draft:
         written = toml.parse(text)
         if folder is not None and folder != SHIPPED_FOLDER:
             _look_beside(written, _model_of(written)[0].schema, folder)
-        self._data, self._overridden, self._mistakes = apply_overrides(written, overrides)
+        self._data, self._overridden, self._mistakes = _applied(written, overrides, self._folder)
         self._passed: dict[type[Section], Passed] = {}
 
     def checked(self, overrides: Iterable[str] = ()) -> Scene:
@@ -108,7 +110,7 @@ class Draft:
         SceneError
             One line per mistake. The error is an ImpossibleError if each key is valid on its own.
         """
-        data, overridden, mistakes = apply_overrides(self._data, overrides)
+        data, overridden, mistakes = _applied(self._data, overrides, self._folder)
         overridden, mistakes = self._overridden + overridden, self._mistakes + mistakes
         mistakes += _read_sections(data, self._folder)
         outside = {name: data.pop(name) for name in keys_in(Outside) if name in data}
@@ -154,6 +156,23 @@ def _is_of_one_key(schema: type[Section], mistake: Mistake) -> bool:
     """Return whether a mistake is independent of other keys: only one key can be wrong, or the key names a file."""
     key = key_at(schema, mistake.path)
     return not mistake.suspects or key is None or key.is_file
+
+
+def _applied(
+    data: dict[str, Any], overrides: Iterable[str], folder: Path
+) -> tuple[dict[str, Any], list[KeyPath], list[Mistake]]:
+    """Return the data with overrides, their paths and mistakes, as `apply_overrides` does.
+
+    Files of sections are read where they are named, so that later overrides can change a section from a file.
+    """
+    texts, data = override_texts(overrides), dict(data)
+    ends = [k for k, text in enumerate(texts, start=1) if text.rstrip(" \"'").endswith(FRAGMENT)]
+    paths, mistakes = list[KeyPath](), list[Mistake]()
+    for begin, end in pairwise((0, *ends, len(texts))):
+        _read_sections(data, folder)  # `Draft.checked` reports a missing file
+        data, more, wrong = apply_overrides(data, texts[begin:end])
+        paths, mistakes = paths + more, mistakes + wrong
+    return data, paths, mistakes
 
 
 def _read_sections(data: dict[str, Any], folder: Path) -> list[Mistake]:

@@ -67,7 +67,10 @@ class Case:
     rough: bool = False
 
 
-AS_SHIPPED = "circling inchworm larva_network phases pipe_reflex pipe_reflex_vertical shc sidewinding turn turn_planned"
+AS_SHIPPED = (
+    "circling inchworm larva_network optimised_robust optimised_speed phases pipe_reflex pipe_reflex_vertical shc "
+    "sidewinding turn turn_planned"
+)
 """Scenes that are judged as they are."""
 
 CASES: Mapping[str, Case] = {

@@ -1,5 +1,6 @@
 """Many runs at once are the runs one by one."""
 
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -103,3 +104,17 @@ def test_what_is_refused_names_the_run() -> None:
     with pytest.raises(RuntimeError, match="no such valve") as caught:
         simulate_batch(Worm(), Plane(), actuation=[TravellingWave(), Broken()], duration=0.1)  # type: ignore[list-item]
     assert "run 1 of the batch" in caught.value.__notes__[0]
+
+
+def test_runs_are_prepared_in_the_thread_that_calls() -> None:
+    """CasADi, which each worm needs for its start, must not be used by two threads at a time."""
+    threads = set[int]()
+
+    class Told(TravellingWave):
+        def bind(self, worm: Any) -> Any:
+            threads.add(get_ident())
+            return super().bind(worm)
+
+    worms = [Worm(k_spring=12.0 + k) for k in range(4)]
+    simulate_batch(worms, Plane(), actuation=[Told()] * 4, duration=0.02, threads=4)
+    assert threads == {get_ident()}

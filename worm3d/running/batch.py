@@ -106,8 +106,8 @@ def simulate_batch(
             error.add_note(f"raised by the actuation of run {k} of the batch, before its first step")
             raise
 
+    runs = [prepared(k) for k in range(count)]  # one after the other: CasADi, which worms need here, has no threads
     with ThreadPoolExecutor(threads) as pool:
-        runs = list(pool.map(prepared, range(count)))
         return list(pool.map(lambda finish: finish(), runs))
 
 

@@ -22,7 +22,7 @@ from scenes.running.runner import run_scene
 from scenes.running.terminal import Interruption, progress
 from scenes.studies.optimise.card import CONDITIONS, Card, fragment
 from scenes.studies.optimise.goals import BROKEN
-from scenes.studies.optimise.optimising import searched, trials_of
+from scenes.studies.optimise.optimising import is_begun, searched, trials_of
 from scenes.studies.optimise.search import Best, Found, Scores
 from scenes.studies.optimise.trials import SURE_WAVES, Trials
 from scenes.studies.optimise.unknowns import Choice
@@ -80,7 +80,8 @@ def run(scene: str, overrides: Sequence[str], out: Path | None, options: Options
             card = Card(trials, _found(scene, overrides, trials, options, folder, of))
         return _report(scene, overrides, card, folder, perf_counter() - began, quiet=options.quiet)
 
-    return report_study(f"optimise-{trials.scene.name}", study, out, force=options.force, quiet=options.quiet)
+    force = options.force or is_begun(out)
+    return report_study(f"optimise-{trials.scene.name}", study, out, force=force, quiet=options.quiet)
 
 
 def _found(

@@ -21,7 +21,7 @@ from scenes.running.report import Block, Heading, Picture, Report, StudyStoppedE
 from scenes.running.terminal import Interruption, progress
 from scenes.studies.optimise.card import fragment
 from scenes.studies.optimise.goals import BROKEN
-from scenes.studies.optimise.optimising import search_of, trials_of
+from scenes.studies.optimise.optimising import is_begun, search_of, trials_of
 from scenes.studies.optimise.search import SIMPLE_RUNS, Best, simple_gaits
 from scenes.studies.optimise.trials import SURE_WAVES, Trials
 from scenes.studies.optimise.unknowns import Choice
@@ -104,7 +104,7 @@ def run(
             pictures={"front.png": draw(plain, points, simple)},
         )
 
-    return report_study(f"optimise-{plain.scene.name}", study, out, force=force, quiet=quiet)
+    return report_study(f"optimise-{plain.scene.name}", study, out, force=force or is_begun(out), quiet=quiet)
 
 
 def _points(

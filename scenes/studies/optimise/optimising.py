@@ -18,6 +18,9 @@ from worm3d.values.spelling import spelled
 FREE = ("segments", "waves")
 """Values of the argument `free`: separate shapes of the segments, or simple gaits only."""
 
+LOG_PREFIX = f"{TEMPORARY_PREFIX}search-"
+"""Begin of the names of the files with the scores of searches."""
+
 GoOn = Callable[[int, int, Best], bool]
 """Function of seed, number of runs and best candidate. If it returns False, the search ends."""
 
@@ -87,6 +90,11 @@ def trials_of(
     return trials
 
 
+def is_begun(folder: Path | None) -> bool:
+    """Return whether a folder has the scores of an earlier search, which the same search can go on with."""
+    return folder is not None and any(folder.glob(f"{LOG_PREFIX}*"))
+
+
 def searched(
     trials: Trials,
     free: str,
@@ -115,7 +123,7 @@ def search_of(
     """Return the result of a search. The scores are kept in a file of `folder`, with `name` in the file name."""
     begun = {} if start is None else {"start": start.tolist()}
     settings = {**trials.settings, "free": free, "seed": seed, **begun}
-    log = Log(None if folder is None else folder / f"{TEMPORARY_PREFIX}search-{name}{seed}.jsonl", settings)
+    log = Log(None if folder is None else folder / f"{LOG_PREFIX}{name}{seed}.jsonl", settings)
 
     def tell(runs: int, best: Best) -> bool:
         return go_on(seed, runs, best)

@@ -317,6 +317,11 @@ def test_a_gait_file_gives_the_same_gait_and_mistakes_are_told(tmp_path: Path, m
     (tmp_path / "own" / "scene.toml").write_text('model = "worm"\ngait = "near.toml"\n')
     (tmp_path / "own" / "near.toml").write_text(fragment(gait, "a gait", []))
     assert_array_equal(gait_of(load_scene("own/scene.toml").settings).duty, gait.duty)
+    slow = gait_of(load_scene("flat", ["gait.wavelength=3", "gait=gait.toml", "gait.period_s=4"]).settings)
+    assert slow.period == 4.0
+    assert_array_equal(slow.duty, gait.duty)
+    near = gait_of(load_scene("own/scene.toml", ["gait.amplitude=0.1"]).settings)
+    assert near.amplitude == 0.1
     with pytest.raises(SceneError, match=r"gait: .*lost.toml.*no such file"):
         load_scene("flat", ["gait=lost.toml"])
     (tmp_path / "wrong.toml").write_text("[worm]\nsegments = 4\n")
@@ -336,6 +341,9 @@ def test_the_command_writes_a_gait_that_runs_and_a_card(worm3d, tmp_path: Path) 
     assert "data:image/png;base64," in (tmp_path / "best" / "card.html").read_text()
     scores = [json.loads(line) for line in (tmp_path / "best" / ".worm3d-search-0.jsonl").read_text().split("\n")[1:-1]]
     best = max(float(value) for _, value, _ in scores)
+    more = worm3d(*given[:5], 42, *given[6:])  # goes on in a folder with results
+    assert more.code == 0, more.err
+    assert (tmp_path / "best" / ".worm3d-search-0.jsonl").read_text().count("\n") == 43
     ran = worm3d("run", "flat", "-o", "gait=best/gait.toml", "-o", "run.duration_s=12", "--out", "again")
     assert ran.code == 0
     summary = json.loads((tmp_path / "again" / "summary.json").read_text())
