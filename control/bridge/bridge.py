@@ -93,6 +93,7 @@ class Bridge:
         self.lead = arguments.number("lead", lead, "s", ge=0.0)
         opened(address).close()  # an error of the address is the caller's, not the other process's
         self.address, self._connecting, self.board, self._read = address, connecting, Board(segments, ticks), 0
+        self._samples = dict.fromkeys(CHANNELS, Sample(None, math.nan))
         given = (self.board, address, period, HOLD, SILENCE)
         self.process = multiprocessing.get_context("spawn").Process(target=exchange, args=given, daemon=True)
 
@@ -140,13 +141,13 @@ class Bridge:
         new = int(self.board["seen"]) - self._read
         steps = max(1, math.floor(self.behind(k) / self.period) + 1)
         rows = slice(self._read, self._read + math.ceil(new / steps))
-        self._read, taken, samples = rows.stop, self.board.head("taken")[rows], {}
-        for name in CHANNELS:
+        self._read, taken = rows.stop, self.board.head("taken")[rows]
+        for name, (_, latest) in self._samples.items():
             values = self.board.values(name, rows)
             known = np.flatnonzero(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
-            if len(known):
-                samples[name] = Sample(values[known[-1]], float(taken[known[-1]]))
-        return Measurement(k * self.period, **samples)
+            come = len(known) > 0
+            self._samples[name] = Sample(values[known[-1]], float(taken[known[-1]])) if come else Sample(None, latest)
+        return Measurement(k * self.period, **self._samples)
 
     def refusals(self) -> str:
         """Return the numbers of refused packets with their reasons, as text."""
