@@ -25,6 +25,7 @@ from control.bridge.robot import PERIOD
 from control.sensing.sensors import Measurement, Sample
 from worm3d import Command
 from worm3d.values import arguments
+from worm3d.values.named import EXCEPTIONS
 
 LEAD = 0.1
 """Time by which the commands are planned in advance [s]. It is longer than most decisions of the MPC. With half of it,
@@ -114,6 +115,7 @@ class Bridge:
         self.board["stop"] = 1.0
         self.process.join(1.0)
         self.process.kill()
+        self.process.join()
 
     def begin(self) -> None:
         """Begin the run: the step for tick 0 is due now, and tick 0 after the lead."""
@@ -200,6 +202,10 @@ def drive(
             if (late := bridge.behind(k)) >= 0.0:
                 break
             time.sleep(min(-late, bridge.period))
-        bridge.plan(k, step(k * bridge.period, bridge.measurement(k)))
+        try:
+            bridge.plan(k, step(k * bridge.period, bridge.measurement(k)))
+        except EXCEPTIONS as error:  # of the user's code
+            _LOG.error("the controller failed", exc_info=error)
+            return Ending("diverged", f"the controller failed: {type(error).__name__}: {error}", k)
     bridge.process.join(bridge.lead + 1.0)
     return Ending("done", "the robot has run to the end", ticks)

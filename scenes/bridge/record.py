@@ -56,7 +56,8 @@ LINK_FIGURES = {
 
 def record_of(scene: Scene, bridge: Bridge, ending: Ending, driver: Phased | None) -> Record:
     """Return the record of a run on a robot; `driver` is the controller, None for a gait."""
-    board, given, ticks = bridge.board, scene.settings, ending.ticks
+    board, given = bridge.board, scene.settings
+    ticks = 1 + int(np.flatnonzero(board.sent[: ending.ticks, 1]).max(initial=-1))  # later ones were only planned
     time, series = samples(board)
     worm, decisions = worm_of(given), driver.controller.decisions if driver else []
     meanings = {name: QUANTITIES[name].meaning for name in series}

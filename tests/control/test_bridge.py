@@ -344,6 +344,28 @@ class TestControllerSide:
         assert side.board["seen"] == 1125, "no more room"
 
 
+def test_a_robot_that_was_switched_off_and_on_is_called_again() -> None:
+    ours = ControllerSide(Board(N, 100), Wire(), 0.01, 0.05, 0.1)
+    ours.board["began"], ours.board["planned"] = 1.0, 100
+    ours.board.commands[:] = 0.25
+    theirs, shown = RobotSide(Recorder(), Wire()), []
+    for k in range(60):
+        now = 1.0 + 0.01 * k
+        if k == 20:
+            theirs = RobotSide(Recorder(), Wire())  # knows no session, and counts from the beginning
+        state = ours.tick(k, now)
+        theirs.take(ours.link.sent[-1], "here", now)
+        theirs.tick(now)
+        for data in theirs.link.sent:
+            ours.take(data, now)
+        theirs.link.sent.clear()
+        shown.append((state, theirs.robot.told[0, 0]))
+    assert [state for state, _ in itertools.groupby(state for state, _ in shown)] == ["calling", "planned"] * 2
+    assert [told for told, _ in itertools.groupby(told for _, told in shown)] == [0.0, 0.25, 0.0, 0.25]
+    assert [k for k, (_, told) in enumerate(shown) if told == 0.0][-1] <= 32, "back within the silence and two ticks"
+    assert theirs.inbox.refused[Refusal.SESSION] in (9, 10), "commands of the old session"
+
+
 class TestLinks:
     @pytest.mark.parametrize(
         "address", ["tcp://a:1", "udp://a", "udp://a:x", "udp://a:70000", "serial:", "serial:a@b", ""]
@@ -549,6 +571,16 @@ class TestDrive:
         with pytest.raises(NoRobotError, match=r"no robot has answered within 0.4 s; switch it on"):
             Bridge("udp://127.0.0.1:9", N, 10, connecting=0.4).__enter__()
         assert not multiprocessing.active_children()
+
+    def test_a_controller_that_fails_ends_the_run(self) -> None:
+        def step(t: float, measurement: Any) -> Command:
+            return growing(t, measurement) if t < 0.3 else Command(np.zeros((N + 1, 2)))
+
+        with robot_at() as here, Bridge(f"udp://127.0.0.1:{here.port}", N, 1000) as bridge:
+            ending = drive(step, bridge)
+        assert (ending.status, ending.ticks) == ("diverged", 30)
+        assert ending.sentence.startswith("the controller failed: ValueError: ")
+        assert here.robot.seen[-1][1] == 0.0
 
     def test_stopped_by_the_user(self) -> None:
         with robot_at() as here, Bridge(f"udp://127.0.0.1:{here.port}", N, 1000) as bridge:

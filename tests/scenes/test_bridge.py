@@ -135,6 +135,7 @@ class TestRecord:
         assert told["silent robot"]["what"] == "no sample has come for 0.21 s"
         assert told["silent robot"]["time_s"] == pytest.approx(0.595)
         assert told["robot at rest"]["what"].startswith("the robot rested in 3 samples")
+        assert summary["duration_s"] == pytest.approx(2.0)
         assert told["refused packets"]["what"].endswith("3 not newer than the packet before")
 
     def test_nothing_has_come(self, scene: Any) -> None:
