@@ -16,7 +16,7 @@ import time
 import tty
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -703,3 +703,55 @@ class TestFirmware:
         assert 8 <= sum(moved) <= 10
         assert len(line.out) == 12
         assert clock.now() == pytest.approx(120_000, abs=6000)
+
+    def test_a_controller_drives_it_over_a_serial_line(self, firmware: ModuleType) -> None:
+        ours, theirs = os.openpty()
+        tty.setraw(ours)
+        os.set_blocking(ours, False)
+        told: list[float] = []
+        stop = threading.Event()
+
+        def read() -> bytes | None:
+            time.sleep(5e-4)
+            with suppress(BlockingIOError):
+                return os.read(ours, 4096)
+            return None
+
+        line = SimpleNamespace(read=read, write=lambda data: os.write(ours, data))
+        hardware = SimpleNamespace(
+            line=line,
+            apply=lambda contraction, hinge: told.append(contraction[0]),
+            sample=lambda: {"strain": [-told[-1]] * 12},
+        )
+        firmware.time.ticks_us = lambda: int(time.monotonic() * 1e6) % 2**30
+        side, clock = firmware.Side(), firmware.Clock()
+
+        def serve_it() -> None:
+            data, due = b"", clock.now()
+            while not stop.is_set():
+                data, due = firmware.loop(hardware, side, clock, data, due)
+
+        board = threading.Thread(target=serve_it)
+        board.start()
+        seen: list[Any] = []
+
+        def step(t: float, measurement: Any) -> Command:
+            seen.append(measurement.strain)
+            return Command(np.full((self.SIX, 2), 0.05 + 0.1 * t))
+
+        try:
+            with Bridge(f"serial:{os.ttyname(theirs)}", self.SIX, 120) as bridge:
+                ending = drive(step, bridge)
+        finally:
+            stop.set()
+            board.join()
+            os.close(ours)
+            os.close(theirs)
+        assert ending.status == "done"
+        moved = [each for each in told if each != 0.0]
+        assert len(moved) > 60
+        assert (np.diff(moved) >= 0.0).all()
+        assert told[-1] == 0.0
+        strains = [each[0, 0] for each in seen if each is not None]
+        assert -0.17 < min(strains) < -0.1
+        assert side.refused == 0

@@ -161,9 +161,15 @@ def test_what_a_run_writes_is_taken_by_the_other_commands(kept: Any, worm3d: Any
     folder = tmp_path / "robot"
     folder.mkdir()
     drive._write(kept, folder)
-    assert {"result.nc", "summary.json", "measured.csv", "commands.csv", "viewer.html", "measured_path.png"} <= {
-        each.name for each in folder.iterdir()
-    }
+    assert {
+        "result.nc",
+        "summary.json",
+        "measured.csv",
+        "commands.csv",
+        "viewer.html",
+        "measured_path.png",
+        "measured_chambers.png",
+    } <= {each.name for each in folder.iterdir()}
     for arguments in (("plot", folder), ("view", folder, "--no-open"), ("export", folder, "--csv", "all.csv")):
         assert worm3d(*arguments).code == 0
     assert worm3d("run", "turn", "-o", "run.duration_s=2", "--out", "simulated", "--quiet").code == 0
