@@ -221,18 +221,16 @@ def test_a_controller_keeps_a_simulated_robot_on_its_path(tmp_path: Path) -> Non
     root = Path(__file__).parents[2]
     environment = {**os.environ, "PYTHONPATH": str(root)}
     given = ["-o", "worm.mass_kg=0.12", "--listen", f"udp://127.0.0.1:{port}", *line, "--out", "true"]
-    robot = subprocess.Popen(
-        program("robot", "path_line", *given), cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        assert robot.stderr is not None
-        assert robot.stderr.readline().startswith("path_line: the robot listens at")
-        to = ["--to", f"udp://127.0.0.1:{port}", "-o", "run.duration_s=10", "--out", "driven", "--quiet"]
-        subprocess.run(program("bridge", "path_line", *to), cwd=tmp_path, env=environment, check=True, timeout=120)
-        robot.send_signal(signal.SIGINT)
-        assert robot.wait(60) == 0
-    finally:
-        robot.kill()
+    log = {"cwd": tmp_path, "env": environment, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(program("robot", "path_line", *given), **log) as robot:  # type: ignore[call-overload]
+        try:
+            assert robot.stderr.readline().startswith("path_line: the robot listens at")
+            to = ["--to", f"udp://127.0.0.1:{port}", "-o", "run.duration_s=10", "--out", "driven", "--quiet"]
+            subprocess.run(program("bridge", "path_line", *to), cwd=tmp_path, env=environment, check=True, timeout=120)
+            robot.send_signal(signal.SIGINT)
+            assert robot.wait(60) == 0
+        finally:
+            robot.kill()
     summary = json.loads((tmp_path / "driven" / "summary.json").read_text())
     assert summary["cross_track_rms_bl"] < 0.02
     assert summary["distance_m"] > 0.5
