@@ -25,6 +25,7 @@ from control.bridge.robot import PERIOD
 from control.sensing.sensors import Measurement, Sample
 from worm3d import Command
 from worm3d.values import arguments
+from worm3d.values.named import EXCEPTIONS
 
 LEAD = 0.1
 """Time by which the commands are planned in advance [s]. It is longer than most decisions of the MPC. With half of it,
@@ -93,6 +94,7 @@ class Bridge:
         self.lead = arguments.number("lead", lead, "s", ge=0.0)
         opened(address).close()  # an error of the address is the caller's, not the other process's
         self.address, self._connecting, self.board, self._read = address, connecting, Board(segments, ticks), 0
+        self._samples = dict.fromkeys(CHANNELS, Sample(None, math.nan))
         given = (self.board, address, period, HOLD, SILENCE)
         self.process = multiprocessing.get_context("spawn").Process(target=exchange, args=given, daemon=True)
 
@@ -113,6 +115,7 @@ class Bridge:
         self.board["stop"] = 1.0
         self.process.join(1.0)
         self.process.kill()
+        self.process.join()
 
     def begin(self) -> None:
         """Begin the run: the step for tick 0 is due now, and tick 0 after the lead."""
@@ -140,13 +143,13 @@ class Bridge:
         new = int(self.board["seen"]) - self._read
         steps = max(1, math.floor(self.behind(k) / self.period) + 1)
         rows = slice(self._read, self._read + math.ceil(new / steps))
-        self._read, taken, samples = rows.stop, self.board.head("taken")[rows], {}
-        for name in CHANNELS:
+        self._read, taken = rows.stop, self.board.head("taken")[rows]
+        for name, (_, latest) in self._samples.items():
             values = self.board.values(name, rows)
             known = np.flatnonzero(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
-            if len(known):
-                samples[name] = Sample(values[known[-1]], float(taken[known[-1]]))
-        return Measurement(k * self.period, **samples)
+            come = len(known) > 0
+            self._samples[name] = Sample(values[known[-1]], float(taken[known[-1]])) if come else Sample(None, latest)
+        return Measurement(k * self.period, **self._samples)
 
     def refusals(self) -> str:
         """Return the numbers of refused packets with their reasons, as text."""
@@ -199,6 +202,10 @@ def drive(
             if (late := bridge.behind(k)) >= 0.0:
                 break
             time.sleep(min(-late, bridge.period))
-        bridge.plan(k, step(k * bridge.period, bridge.measurement(k)))
+        try:
+            bridge.plan(k, step(k * bridge.period, bridge.measurement(k)))
+        except EXCEPTIONS as error:  # of the user's code
+            _LOG.error("the controller failed", exc_info=error)
+            return Ending("diverged", f"the controller failed: {type(error).__name__}: {error}", k)
     bridge.process.join(bridge.lead + 1.0)
     return Ending("done", "the robot has run to the end", ticks)

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 
 PRIORITY = 10
 """Real-time priority of a loop, between 1 and 99: above all usual processes, and below most drivers of the system."""
 
 
-def hurry() -> None:
-    """Ask the system to run this process before all usual ones, where it can, and where the user may ask for it."""
-    with suppress(AttributeError, OSError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+@contextmanager
+def hurried() -> Iterator[None]:
+    """Context in which this thread runs before all usual ones, where the system can, and where the user may ask for it.
+
+    Threads and processes that begin in the context run so, too.
+    """
+    with ExitStack() as after:
+        with suppress(AttributeError, OSError):
+            before = os.sched_getscheduler(0), os.sched_getparam(0)
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+            after.callback(os.sched_setscheduler, 0, *before)
+        yield
 
 
 def following(due: float, began: float, period: float, now: float) -> tuple[float, int]:

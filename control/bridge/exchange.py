@@ -14,12 +14,13 @@ import multiprocessing
 import secrets
 import signal
 import time
+from contextlib import closing
 
 import numpy as np
 
 from control.bridge.board import STATES, Board
 from control.bridge.clock import ClockOffset
-from control.bridge.deadlines import following, hurry
+from control.bridge.deadlines import following, hurried
 from control.bridge.links import Link, opened
 from control.bridge.packets import COMMANDED, Inbox, Kind, Packet, encoded, shape
 from worm3d.values.arrays import FloatArray
@@ -79,13 +80,12 @@ class ControllerSide:
 def exchange(board: Board, address: str, period: float, hold: float, silence: float) -> None:
     """Exchange packets with a robot until the run ends, the controller asks to stop, or its process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the controller's process decides
-    hurry()
     link, parent = opened(address), multiprocessing.parent_process()
     side, due, k = ControllerSide(board, link, period, hold, silence), time.monotonic(), -1
-    try:
+    with hurried(), closing(link):
         while k + 1 < board.ticks and not board["stop"] and (parent is None or parent.is_alive()):
             due, k = following(due, board["began"], period, time.monotonic())
-            wait = 1.0
+            wait = period
             while wait > 0.0:  # looks at the link at least once
                 wait = due - time.monotonic()
                 for data, _ in link.receive(wait):
@@ -93,7 +93,5 @@ def exchange(board: Board, address: str, period: float, hold: float, silence: fl
             state = side.tick(k, time.monotonic())
             if 0 <= k < board.ticks:
                 board.sent[k] = time.monotonic() - due, STATES.index(state)
-    finally:
         for _ in range(FAREWELLS):
             side.send(Kind.REST)
-        link.close()

@@ -171,7 +171,7 @@ class Inbox:
 
     def __init__(self, segments: int, kinds: Mapping[Kind, tuple[str, ...]]) -> None:
         self.segments, self._kinds = segments, kinds
-        self.session, self.number, self.accepted = 0, -1, 0
+        self.session, self.number, self.accepted = -1, -1, 0
         self.refused: Counter[Refusal] = Counter()
 
     def open(self, session: int) -> None:

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from control.bridge.deadlines import following, hurry
+from control.bridge.deadlines import following, hurried
 from control.bridge.links import Link
 from control.bridge.packets import COMMANDED, PARTS, RESTING, Inbox, Kind, Packet, Refusal, encoded
 from worm3d import Command
@@ -150,16 +150,16 @@ def serve(
         The side with its counters.
     """
     side, due = RobotSide(robot, link, watchdog), time.monotonic()
-    hurry()
     try:
-        while goes_on(side):
-            due, _ = following(due, math.nan, period, time.monotonic())
-            wait = period
-            while wait > 0.0:  # looks at the link at least once
-                wait = due - time.monotonic()
-                for data, source in link.receive(wait):
-                    side.take(data, source, time.monotonic())
-            side.tick(time.monotonic())
+        with hurried():
+            while goes_on(side):
+                due, _ = following(due, math.nan, period, time.monotonic())
+                wait = period
+                while wait > 0.0:  # looks at the link at least once
+                    wait = due - time.monotonic()
+                    for data, source in link.receive(wait):
+                        side.take(data, source, time.monotonic())
+                side.tick(time.monotonic())
     finally:
         if side.begun:
             robot.rest()

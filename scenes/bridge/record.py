@@ -39,6 +39,8 @@ FITTED = ("time", "com", "heading", "chamber_length", "actuator_pressure")
 ESTIMATED = "heading, as the controller estimates it"
 LOOK = "look at the cable or the radio, and at the load of both computers"
 NO_MOTION = "too few samples have come, or the robot has no such sensor"
+MANY_REFUSED = 0.01
+"""Share of refused packets from which on a run warns. Jitter alone overtakes a few packets, which are then too old."""
 LINK_FIGURES = {
     "deadlines_kept": "share of the ticks whose packet left before the next tick",
     "lateness_ms_p99": "99th percentile of the lateness of packets",
@@ -54,7 +56,8 @@ LINK_FIGURES = {
 
 def record_of(scene: Scene, bridge: Bridge, ending: Ending, driver: Phased | None) -> Record:
     """Return the record of a run on a robot; `driver` is the controller, None for a gait."""
-    board, given, ticks = bridge.board, scene.settings, ending.ticks
+    board, given = bridge.board, scene.settings
+    ticks = 1 + int(np.flatnonzero(board.sent[: ending.ticks, 1]).max(initial=-1))  # later ones were only planned
     time, series = samples(board)
     worm, decisions = worm_of(given), driver.controller.decisions if driver else []
     meanings = {name: QUANTITIES[name].meaning for name in series}
@@ -110,8 +113,10 @@ def samples(board: Board) -> tuple[FloatArray, dict[str, FloatArray]]:
 
     A channel is NaN at an instant without a sample of it.
     """
-    order = np.argsort(board.head("taken"), kind="stable")
-    time, first = np.unique(board.head("taken")[order], return_index=True)
+    taken = board.head("taken")
+    order = np.argsort(taken, kind="stable")
+    order = order[taken[order] >= 0.0]  # the first samples may be from before the run
+    time, first = np.unique(taken[order], return_index=True)
     found = {name: board.values(name)[order] for name in CHANNELS}
     come = {name: values for name, values in found.items() if np.isfinite(values).any()}
     return time, {name: np.fmax.reduceat(values, first, axis=0) for name, values in come.items()}
@@ -202,7 +207,8 @@ def _faults(bridge: Bridge, ticks: int) -> Iterator[dict[str, Cell]]:
     if rested.any():
         what = f"the robot rested in {rested.sum()} samples, since no command had reached it"
         yield fault_row(float(arrived[np.argmax(rested)]), "robot at rest", what, LOOK)
-    if refused := bridge.refusals():
+    refused = bridge.refusals()
+    if sum(int(board[each.name]) for each in Refusal) > MANY_REFUSED * board["seen"]:
         yield fault_row(0.0, "refused packets", f"packets of the robot were refused: {refused}", LOOK)
 
 

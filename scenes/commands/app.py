@@ -35,8 +35,7 @@ SECTIONS = {
     "Scenes": ("run", "play", "check", "list", "init"),
     "Results": ("plot", "view", "export", "compare"),
     "Many runs": ("sweep", "study", "fit", "optimise", "learn"),
-    "Robots": ("bridge", "robot"),
-    "Soft segments": ("fem", "law"),
+    "Robots and segments": ("bridge", "robot", "fem", "law"),
 }
 """Groups of commands in the help, by title."""
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenes.language.errors import SceneError
-from scenes.models.base import Pictures
+from scenes.models.base import Draw, Pictures
 from scenes.records import measured
 from scenes.records.columns import MARKER
 from scenes.records.record import Record
-from scenes.running.robot_page import is_shown, view
+from scenes.running.robot_page import chambers, is_shown, view
 from worm3d.values.arrays import FloatArray
 from worm3d.values.variable import AXES
 
@@ -167,8 +167,10 @@ def drawn(records: Records) -> Iterator[tuple[str, Figure]]:
 def measured_pictures(record: Record) -> Pictures:
     """Return the figures whose data a measurement contains."""
     present = [stem for stem, draw in OVERLAYS.items() if draw({record.title: record}) is not None]
-    figures = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
+    figures: dict[str, Draw] = {f"measured_{stem}": partial(_of_one, OVERLAYS[stem]) for stem in present}
     page = view if is_shown(record) else None
+    if page is not None:
+        figures["measured_chambers"] = chambers
     return Pictures(name=measured.MEASURED_MODEL, title="a measurement", figures=figures, overview=None, view=page)
 
 

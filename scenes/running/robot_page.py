@@ -1,10 +1,10 @@
-"""Page of a run on a robot: the body is reconstructed from measured chamber lengths, place and heading."""
+"""Pictures of a run on a robot. The body is reconstructed from measured chamber lengths, place and heading."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,10 @@ from scenes.records.record import Record
 from worm3d.recorded.state import apexes_of, level_directors
 from worm3d.results import files, pictures
 from worm3d.values.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SHORTEST = 0.05
 """Least length of a chamber in the picture, as a fraction of its length at rest: noise must not turn it inside out."""
@@ -21,11 +25,26 @@ def view(record: Record, path: Path, *, skin: bool = True) -> None:
     """Write the page that plays a run on a robot in a browser. The loads are unknown, and are drawn as none."""
     from worm3d.viewer import write_html
 
-    arrays = [variable.values for variable in record.parts]
-    worm, world = (files.restored(name, json.loads(record.run)[name], arrays) for name in ("worm", "world"))
+    worm, world = _restored(record, "worm"), _restored(record, "world")
     rows = pictures.rows_shown(record["time"], worm.segments, None, None)
     series = body(record, worm, rows)
     write_html(pictures.arrays(series, worm, world, None), path, skin=skin, title=record.title)
+
+
+def chambers(record: Record) -> tuple[Figure, Axes]:
+    """Draw the commands to the chambers and their strains over time and along the robot."""
+    from planar.figures import space_time
+
+    time, l0 = record["time"], _restored(record, "worm").l0
+    strain = _filled(time, record["chamber_length"]) / l0 - 1.0
+    both = {"command": record["command"], "strain": strain}
+    sides = enumerate(("left", "right"))
+    panels = {f"{name}, {side}": (time, values[..., k]) for k, side in sides for name, values in both.items()}
+    return space_time(panels, "segment (0 = tail)", title=f"{record.title}: chambers")
+
+
+def _restored(record: Record, name: str) -> Any:
+    return files.restored(name, json.loads(record.run)[name], [variable.values for variable in record.parts])
 
 
 def is_shown(record: Record) -> bool:

@@ -15,8 +15,8 @@ import threading
 import time
 import tty
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -344,6 +344,28 @@ class TestControllerSide:
         assert side.board["seen"] == 1125, "no more room"
 
 
+def test_a_robot_that_was_switched_off_and_on_is_called_again() -> None:
+    ours = ControllerSide(Board(N, 100), Wire(), 0.01, 0.05, 0.1)
+    ours.board["began"], ours.board["planned"] = 1.0, 100
+    ours.board.commands[:] = 0.25
+    theirs, shown = RobotSide(Recorder(), Wire()), []
+    for k in range(60):
+        now = 1.0 + 0.01 * k
+        if k == 20:
+            theirs = RobotSide(Recorder(), Wire())  # knows no session, and counts from the beginning
+        state = ours.tick(k, now)
+        theirs.take(ours.link.sent[-1], "here", now)
+        theirs.tick(now)
+        for data in theirs.link.sent:
+            ours.take(data, now)
+        theirs.link.sent.clear()
+        shown.append((state, theirs.robot.told[0, 0]))
+    assert [state for state, _ in itertools.groupby(state for state, _ in shown)] == ["calling", "planned"] * 2
+    assert [told for told, _ in itertools.groupby(told for _, told in shown)] == [0.0, 0.25, 0.0, 0.25]
+    assert [k for k, (_, told) in enumerate(shown) if told == 0.0][-1] <= 32, "back within the silence and two ticks"
+    assert theirs.inbox.refused[Refusal.SESSION] in (9, 10), "commands of the old session"
+
+
 class TestLinks:
     @pytest.mark.parametrize(
         "address", ["tcp://a:1", "udp://a", "udp://a:x", "udp://a:70000", "serial:", "serial:a@b", ""]
@@ -550,6 +572,16 @@ class TestDrive:
             Bridge("udp://127.0.0.1:9", N, 10, connecting=0.4).__enter__()
         assert not multiprocessing.active_children()
 
+    def test_a_controller_that_fails_ends_the_run(self) -> None:
+        def step(t: float, measurement: Any) -> Command:
+            return growing(t, measurement) if t < 0.3 else Command(np.zeros((N + 1, 2)))
+
+        with robot_at() as here, Bridge(f"udp://127.0.0.1:{here.port}", N, 1000) as bridge:
+            ending = drive(step, bridge)
+        assert (ending.status, ending.ticks) == ("diverged", 30)
+        assert ending.sentence.startswith("the controller failed: ValueError: ")
+        assert here.robot.seen[-1][1] == 0.0
+
     def test_stopped_by_the_user(self) -> None:
         with robot_at() as here, Bridge(f"udp://127.0.0.1:{here.port}", N, 1000) as bridge:
             ending = drive(growing, bridge, goes_on=lambda tick: tick < 30)
@@ -671,3 +703,55 @@ class TestFirmware:
         assert 8 <= sum(moved) <= 10
         assert len(line.out) == 12
         assert clock.now() == pytest.approx(120_000, abs=6000)
+
+    def test_a_controller_drives_it_over_a_serial_line(self, firmware: ModuleType) -> None:
+        ours, theirs = os.openpty()
+        tty.setraw(ours)
+        os.set_blocking(ours, False)
+        told: list[float] = []
+        stop = threading.Event()
+
+        def read() -> bytes | None:
+            time.sleep(5e-4)
+            with suppress(BlockingIOError):
+                return os.read(ours, 4096)
+            return None
+
+        line = SimpleNamespace(read=read, write=lambda data: os.write(ours, data))
+        hardware = SimpleNamespace(
+            line=line,
+            apply=lambda contraction, hinge: told.append(contraction[0]),
+            sample=lambda: {"strain": [-told[-1]] * 12},
+        )
+        firmware.time.ticks_us = lambda: int(time.monotonic() * 1e6) % 2**30
+        side, clock = firmware.Side(), firmware.Clock()
+
+        def serve_it() -> None:
+            data, due = b"", clock.now()
+            while not stop.is_set():
+                data, due = firmware.loop(hardware, side, clock, data, due)
+
+        board = threading.Thread(target=serve_it)
+        board.start()
+        seen: list[Any] = []
+
+        def step(t: float, measurement: Any) -> Command:
+            seen.append(measurement.strain)
+            return Command(np.full((self.SIX, 2), 0.05 + 0.1 * t))
+
+        try:
+            with Bridge(f"serial:{os.ttyname(theirs)}", self.SIX, 120) as bridge:
+                ending = drive(step, bridge)
+        finally:
+            stop.set()
+            board.join()
+            os.close(ours)
+            os.close(theirs)
+        assert ending.status == "done"
+        moved = [each for each in told if each != 0.0]
+        assert len(moved) > 60
+        assert (np.diff(moved) >= 0.0).all()
+        assert told[-1] == 0.0
+        strains = [each[0, 0] for each in seen if each is not None]
+        assert -0.17 < min(strains) < -0.1
+        assert side.refused == 0
