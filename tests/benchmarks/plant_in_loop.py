@@ -1,14 +1,12 @@
 """Planning on the plant itself against the controller `mpc`: a line, a circle, a corner and a bend in a pipe.
 
-    python tests/benchmarks/plant_in_loop.py [CASE ...] [--period 0.4] [--duration 30] [--each]
+    python tests/benchmarks/plant_in_loop.py [CASE ...] [--period 0.4] [--duration 30]
 
 Both drive the default worm. `plant` plans on a copy of the worm with exact sensitivities, and knows the true state
 (`scenes/models/control/plant_in_loop.py`). `mpc` plans on the reduced model and estimates the state from the default
 sensors; `mpc, exact sensors` gets strains and the centre of mass without noise. Each line has the rms offset from the
 path [body lengths], the rms and the mean error of the speed [%], and the processor time of a control step, all steps of
 a decision together: median, and 99 of 100 [ms]. A decision fits if it takes less than the period.
-
-With `--other` the copy of the plant has 1.3 times the friction of the worm, and no measurement corrects it.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from scenes.models.loading import load_scene
 from scenes.running.runner import simulate
 from scenes.studies.bench.control import timing
 
-BENT = '[{straight_m=0.6},{bend_deg=90.0,bend_radius_m=0.48,towards="left"},{straight_m=3.0}]'
+BENT = '[{straight_m=0.6},{bend_deg=60.0,bend_radius_m=1.0,towards="left"},{straight_m=3.0}]'
 CASES = {
     "line": ("path_line",),
     "circle": ("path_circle", "reference.radius_m=0.3", "reference.speed_m_s=0.05"),
@@ -58,7 +56,9 @@ def line(case: str, way: str, period: float, duration: float) -> str:
     figures = [found["cross_track_rms_bl"], *(found[f"speed_{of}_relative"] for of in ("error_rms", "bias"))]
     offset, rms, bias = (float("nan") if each is None else float(each) for each in figures)
     steps = " ".join(f"{times[f'control_step_ms_{p}']:6.1f}" for p in ("p50", "p99"))
-    return f"{case:8}{way:20}{offset:8.4f} BL {100 * rms:6.1f} {100 * bias:+6.1f} %  {steps} ms  {found['mpc_failures']}"
+    return (
+        f"{case:8}{way:20}{offset:8.4f} BL {100 * rms:6.1f} {100 * bias:+6.1f} %  {steps} ms  {found['mpc_failures']}"
+    )
 
 
 def main() -> None:

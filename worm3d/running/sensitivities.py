@@ -129,6 +129,7 @@ class Sensed:
         at, plant, n = arguments.array("parameters", at, (self.count,)), self._plant, self.problem.worm.segments
         start = self._start if state is None else state
         plant.remember(self._begin if state is None else state.memory)
+        plant.arrays["world_in"][3:] = plant.world_kernel.parameters[:, None]
         for name in ("point_kept", "node_kept", "chamber_kept", "joint_kept"):
             plant.arrays[name][:] = 0.0
         times = _times(start.time, self.problem.dt, steps)
@@ -180,7 +181,8 @@ def _times(start: float, dt: float, steps: int) -> FloatArray:
     """Return the times of a run that goes on from a time, equal bit for bit to the times of an uninterrupted run."""
     first = round(start / dt)
     offset = start - first * dt
-    return (first + np.arange(steps + 1)) * dt + (0.0 if abs(offset) < 1e-9 * dt else offset)
+    times: FloatArray = (first + np.arange(steps + 1)) * dt + (0.0 if abs(offset) < 1e-9 * dt else offset)
+    return times
 
 
 def _read(status: Status, time: FloatArray, out: FloatArray, n: int) -> Sensitivities:

@@ -1,13 +1,14 @@
 """A controller that plans its wave on a copy of the plant itself, with exact sensitivities.
 
-The controller has a worm of its own, which starts as the worm of the scene and gets the same commands, so that it knows
-the state of the worm. Once per control period, it simulates the next two waves on this worm, together with the
-sensitivities (FS1) to the amplitude, frequency, bias and hinge of the wave, and improves these four numbers by
-Gauss-Newton steps. Its cost is the sum of squares of the offsets (L2) of the mean place in each wave, of the heading
-and the speed from the first to the second wave, and of the differences from the previous and from the usual wave.
+The controller has a worm of its own, which starts as the worm of the scene and gets the same commands. Therefore it
+knows the state of the worm without sensors. Once per control period, it simulates the next two waves on this worm,
+together with the sensitivities (FS1) to the amplitude, frequency, bias and hinge of the wave. Gauss-Newton steps then
+improve these four numbers. The cost is a sum of squares: the offset (L2) of the mean place in each of the two waves,
+the direction and the speed of the motion from the first to the second mean place, relative to the path, and the
+differences from the previous wave and from the wave of the map.
 
-This is the upper limit of what planning can gain from a perfect model: a controller of a robot has no such worm, and no
-measured state. Sensors are not used, and other controllers never see the simulator (`pyproject.toml`).
+The result is a limit of what a better model can gain, since no robot has an exact copy of itself. All other controllers
+see the worm through its parameters and measurements only, which a contract in `pyproject.toml` verifies.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 from control.estimation.estimate import Estimate
 from control.gaits.gait import BoundGait
 from control.gaits.steering import GaitParameters
-from control.loop import Choice, WaveController
+from control.loop import Choice, WaveController, rest
 from control.planning.gauss_newton import PlanStatus
 from control.planning.mpc import Plan
 from control.sensing.sensors import Measurement
@@ -39,7 +40,7 @@ CHANGE, SPREAD = np.array([0.1, 0.2, 0.1, 0.1]), np.array([1.0, 0.4, 0.5, 1.0])
 """Differences from the previous wave, and from the wave of the map, that cost 1."""
 OFFSET, SPEED_ERROR, REACH = 0.01, 0.05, 0.3
 """Offset that costs 1 [body lengths], relative error of the speed that costs 1, and distance at which an error of the
-heading counts as an offset [body lengths]."""
+direction counts as an offset [body lengths]."""
 MOST_ROLLOUTS = 3
 """Maximum number of simulations per plan."""
 
@@ -87,6 +88,8 @@ class PlantInLoop(WaveController):
         return command
 
     def _choose(self, t: float, estimate: Estimate | None) -> Choice:
+        if float(self.reference.speed(t)) <= 0.0:
+            return Choice("stop", rest(self._target), "the reference stands, or goes backwards")
         began, path = perf_counter(), self.reference.path
         assert path is not None
         self._near = float(path.project(self._twin.observation().com[:2], self._near))
@@ -102,9 +105,9 @@ class PlantInLoop(WaveController):
                 at, found, share = trial, tried, 1.0
             else:
                 share *= 0.3
-        self._last = at
+        self._last = None if found is None else at
         if found is None:
-            return Choice("gait", GaitParameters(*at.tolist()), "the own worm did not finish its step", failed=True)
+            return Choice("gait", GaitParameters(*usual.tolist()), "the own worm did not finish its steps", failed=True)
         plan = Plan(
             time=t,
             step=self.control_period,
@@ -159,11 +162,8 @@ class PlantInLoop(WaveController):
             along, left = np.array([np.cos(azimuth), np.sin(azimuth)]), np.array([-np.sin(azimuth), np.cos(azimuth)])
             means.append((s, along @ moved / (1.0 - kappa * e), e, left @ moved))
         (s_1, ds_1, e_1, de_1), (s_2, ds_2, e_2, de_2) = means
-        wanted, way, size = (
-            float(self.reference.speed(t)) * wave * self._problem.dt,
-            s_2 - s_1,
-            OFFSET * self.worm.length,
-        )
+        way, size = s_2 - s_1, OFFSET * self.worm.length
+        wanted = float(self.reference.speed(t)) * wave * self._problem.dt
         course, d_course = (e_2 - e_1) / way, ((de_2 - de_1) * way - (e_2 - e_1) * (ds_2 - ds_1)) / way**2
         values = [e_1 / size, e_2 / size, REACH / OFFSET * course, (way / wanted - 1.0) / SPEED_ERROR]
         changes = [de_1 / size, de_2 / size, REACH / OFFSET * d_course, (ds_2 - ds_1) / (wanted * SPEED_ERROR)]

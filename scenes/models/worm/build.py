@@ -64,7 +64,7 @@ The parameter of `worm3d.Worm` for the part has the same name.
 
 Force = Callable[[float], NDArray[np.float64]]
 
-Drive = tuple[Actuation, Sensor | None]
+Drive = tuple[Actuation | None, Sensor | None]
 
 
 def simulate(
