@@ -1,5 +1,6 @@
 """Sensitivities of a run against central differences of two runs, and the run itself against `simulate`."""
 
+import gc
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,8 +12,22 @@ from numpy.testing import assert_array_equal
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d import Bend, Centreline, Friction, Hydrostat, Jenkins, Payload, Pipe, Plane, Result, Straight, Worm
+from worm3d import (
+    Bend,
+    Centreline,
+    Friction,
+    Hydrostat,
+    Jenkins,
+    Payload,
+    Pipe,
+    Plane,
+    Problem,
+    Result,
+    Straight,
+    Worm,
+)
 from worm3d.recorded.status import Status
+from worm3d.running.sensitivities import Sensed
 from worm3d.values.arrays import FloatArray
 
 AT = np.array([0.2, 0.3, 2.03])
@@ -122,6 +137,20 @@ def test_a_run_from_the_state_of_another_goes_on() -> None:
     found = worm3d.sensitivities(Worm(), Plane(), actuation=wave, parameters=AT, state=first.state, duration=0.5)
     whole = worm3d.simulate(Worm(), Plane(), actuation=wave(AT), duration=1.0)
     assert_array_equal(found.joints, whole.joints[50:])
+
+
+def test_a_worm_that_starts_again_repeats_its_run_after_others_are_gone() -> None:
+    """In a pipe of several pieces the kernel of the world has tables, which belong to each worm."""
+    pneumatic = CASES["pneumatic with friction in its joints, in a bend"]
+    sensed = Sensed(Problem(**pneumatic, actuation=wave(AT)), 3)
+    first = sensed.follow(wave, AT, 30)
+    gc.collect()
+    others = [np.full(100_000, np.nan) for _ in range(50)]  # what reuses memory
+    sensed.follow(wave, 1.5 * AT, 100)
+    again = sensed.follow(wave, AT, 30)
+    assert len(others) == 50
+    assert_array_equal(again.joints, first.joints)
+    assert_array_equal(again.d_joints, first.d_joints)
 
 
 def test_they_cannot_have_loads_or_controllers() -> None:

@@ -129,7 +129,6 @@ class Sensed:
         at, plant, n = arguments.array("parameters", at, (self.count,)), self._plant, self.problem.worm.segments
         start = self._start if state is None else state
         plant.remember(self._begin if state is None else state.memory)
-        plant.arrays["world_in"][3:] = plant.world_kernel.parameters[:, None]
         for name in ("point_kept", "node_kept", "chamber_kept", "joint_kept"):
             plant.arrays[name][:] = 0.0
         times = _times(start.time, self.problem.dt, steps)
