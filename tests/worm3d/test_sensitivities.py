@@ -1,5 +1,6 @@
 """Sensitivities of a run against central differences of two runs, and the run itself against `simulate`."""
 
+import gc
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,8 +12,23 @@ from numpy.testing import assert_array_equal
 
 import worm3d
 from control.gaits import TravellingWave
-from worm3d import Bend, Centreline, Friction, Hydrostat, Jenkins, Payload, Pipe, Plane, Result, Straight, Worm
+from worm3d import (
+    Bend,
+    Centreline,
+    Friction,
+    Hydrostat,
+    Jenkins,
+    Payload,
+    Pipe,
+    Plane,
+    Problem,
+    Result,
+    Sensitivities,
+    Straight,
+    Worm,
+)
 from worm3d.recorded.status import Status
+from worm3d.running.sensitivities import Sensed
 from worm3d.values.arrays import FloatArray
 
 AT = np.array([0.2, 0.3, 2.03])
@@ -38,6 +54,10 @@ CASES: dict[str, dict[str, Any]] = {
 
 def wave(p: FloatArray) -> TravellingWave:
     return TravellingWave(amplitude=p[0], bias=p[1], period=p[2], hinge=0.3)
+
+
+def sensed(case: dict[str, Any], duration: float, actuation: Callable[[FloatArray], Any] = wave) -> Sensitivities:
+    return worm3d.sensitivities(Problem(**case, duration=duration), actuation, AT)
 
 
 def runs(case: dict[str, Any], actuation: Callable[[FloatArray], Any], i: int, by: float) -> list[Result]:
@@ -66,7 +86,7 @@ def changes_of_regime(run: Result) -> dict[str, int]:
 def test_they_equal_central_differences_over_a_wave_with_changes_of_regime(name: str) -> None:
     """Of differences 1e-6 and 3e-6 the better counts: a change of regime in another step spoils one of them at most."""
     case = CASES[name]
-    found = worm3d.sensitivities(**case, actuation=wave, parameters=AT, duration=2.0)
+    found = sensed(case, 2.0)
     assert found.status is Status.DONE
     for i in range(len(AT)):
         errors = []
@@ -87,7 +107,7 @@ def test_the_wave_of_these_tests_has_contacts_that_break_stick_land_and_lift() -
 
 
 def test_the_change_of_the_heading_follows_from_the_joints() -> None:
-    found = worm3d.sensitivities(Worm(), Plane(), actuation=wave, parameters=AT, duration=1.0)
+    found = sensed(CASES["default"], 1.0)
     more, less = runs(CASES["default"], wave, 1, 1e-6)
     difference = ((more.heading - less.heading) / 2e-6)[: len(found.time)]
     np.testing.assert_allclose(found.d_heading[:, 1], difference, atol=1e-6 * np.abs(difference).max())
@@ -102,7 +122,7 @@ def test_a_worm_that_strikes_the_ground_has_them_too() -> None:
 
     start = worm3d.State.straight(Worm(), Plane(), position=(0.0, 0.0, 0.02))
     case = {"worm": Worm(), "world": Plane(), "state": start, "settle_first": False}
-    found = worm3d.sensitivities(**case, actuation=pushed, parameters=AT, duration=0.5)
+    found = sensed(case, 0.5, pushed)
     more, less = runs(case, pushed, 0, 1e-6)
     difference = (more.joints - less.joints)[: len(found.time)] / 2e-6
     np.testing.assert_allclose(found.d_joints[..., 0], difference, atol=1e-6 * np.abs(difference).max())
@@ -110,7 +130,7 @@ def test_a_worm_that_strikes_the_ground_has_them_too() -> None:
 
 @pytest.mark.parametrize("name", ["default", "other worm on a slope"])
 def test_the_run_equals_that_of_simulate_bit_for_bit(name: str) -> None:
-    found = worm3d.sensitivities(**CASES[name], actuation=wave, parameters=AT, duration=2.0)
+    found = sensed(CASES[name], 2.0)
     run = worm3d.simulate(**CASES[name], actuation=wave(AT), duration=2.0)
     for series in ("time", "joints", "chamber_length"):
         assert_array_equal(getattr(found, series), getattr(run, series))
@@ -119,29 +139,42 @@ def test_the_run_equals_that_of_simulate_bit_for_bit(name: str) -> None:
 
 def test_a_run_from_the_state_of_another_goes_on() -> None:
     first = worm3d.simulate(Worm(), Plane(), actuation=wave(AT), duration=0.5)
-    found = worm3d.sensitivities(Worm(), Plane(), actuation=wave, parameters=AT, state=first.state, duration=0.5)
+    found = sensed(CASES["default"] | {"state": first.state}, 0.5)
     whole = worm3d.simulate(Worm(), Plane(), actuation=wave(AT), duration=1.0)
     assert_array_equal(found.joints, whole.joints[50:])
 
 
+def test_a_worm_that_starts_again_repeats_its_run_after_others_are_gone() -> None:
+    """In a pipe of several pieces the kernel of the world has tables, which belong to each worm."""
+    case = CASES["pneumatic with friction in its joints, in a bend"]
+    sensed = Sensed(Problem(**case), 3)
+    first = sensed.follow(wave, AT, 30)
+    gc.collect()
+    others = [np.full(100_000, np.nan) for _ in range(50)]  # what reuses memory
+    sensed.follow(wave, 1.5 * AT, 100)
+    again = sensed.follow(wave, AT, 30)
+    assert len(others) == 50
+    assert_array_equal(again.joints, first.joints)
+    assert_array_equal(again.d_joints, first.d_joints)
+
+
 def test_they_cannot_have_loads_or_controllers() -> None:
     with pytest.raises(ValueError, match=r"got a worm with loads or a medium.*use differences of two runs"):
-        worm3d.sensitivities(Worm(load=Payload(mass=0.01)), Plane(), actuation=wave, parameters=AT)
+        sensed({"worm": Worm(load=Payload(mass=0.01)), "world": Plane()}, 0.1)
     with pytest.raises(ValueError, match="must be a function from parameters to a gait"):
-        worm3d.sensitivities(Worm(), Plane(), actuation=wave(AT), parameters=AT)  # type: ignore[arg-type]
+        worm3d.sensitivities(Problem(worm=Worm(), world=Plane()), wave(AT), AT)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"parameters: got shape \(0,\)"):
-        worm3d.sensitivities(Worm(), Plane(), actuation=wave, parameters=[])
+        worm3d.sensitivities(Problem(worm=Worm(), world=Plane()), wave, [])
 
 
 def test_a_second_process_finds_everything_compiled() -> None:
     """It would import the compiler if the code needed a name that only a compiling Numba has."""
-    worm3d.sensitivities(Worm(), Plane(), actuation=wave, parameters=AT, duration=0.02)
+    sensed(CASES["default"], 0.02)
     code = """
 import sys, worm3d
 from control.gaits import TravellingWave
-run = worm3d.sensitivities(
-    worm3d.Worm(), worm3d.Plane(), actuation=lambda p: TravellingWave(amplitude=p[0]), parameters=[0.2], duration=0.02
-)
+problem = worm3d.Problem(worm=worm3d.Worm(), world=worm3d.Plane(), duration=0.02)
+run = worm3d.sensitivities(problem, lambda p: TravellingWave(amplitude=p[0]), [0.2])
 assert run.d_com.shape == (3, 3, 1) and abs(run.d_com[-1]).max() > 0.0
 assert "numba" not in sys.modules
 """

@@ -183,10 +183,11 @@ class Plant:
         other = copy.copy(self)
         other.world_kernel, other._kernels = (self.world or Plane()).kernel(), kernels(*self._classes, sensing=True)
         sizes = self.memory_of_core.sizes._replace(parameters=parameters)
-        other._open(CoreMemory(sizes, _addresses(other.world_kernel, other._kernels)))
+        memory = CoreMemory(sizes, _addresses(other.world_kernel, other._kernels))
         for name, array in self.arrays.items():
-            if other.arrays[name].shape == array.shape:
-                other.arrays[name][:] = array
+            if memory.arrays[name].shape == array.shape:
+                memory.arrays[name][:] = array
+        other._open(memory)
         return other
 
     @property

@@ -8,17 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from worm3d.physics.friction import Friction
 from worm3d.physics.kernels import change
 from worm3d.physics.kernels.layout import Layout
 from worm3d.physics.media import Medium
-from worm3d.physics.worm import Worm
 from worm3d.recorded.series import heading
 from worm3d.recorded.state import State
 from worm3d.recorded.status import Status
 from worm3d.running.actuation import Actuation, Driver
-from worm3d.running.plant import MIN_NEWTON_TOLERANCE
-from worm3d.running.problem import Held, Integrator, Problem
+from worm3d.running.problem import Problem
 from worm3d.running.start import GUARDED, place
 from worm3d.solver.actuate import ask
 from worm3d.solver.advance import LAST
@@ -29,7 +26,6 @@ from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
 from worm3d.values.spelling import spelled
-from worm3d.worlds import World
 
 DIFFERENCE = 1e-6
 """Difference of a parameter with which commands are differentiated, as a fraction of the larger of the parameter's
@@ -180,7 +176,7 @@ def _times(start: float, dt: float, steps: int) -> FloatArray:
     """Return the times of a run that goes on from a time, equal bit for bit to the times of an uninterrupted run."""
     first = round(start / dt)
     offset = start - first * dt
-    return (first + np.arange(steps + 1)) * dt + (0.0 if abs(offset) < 1e-9 * dt else offset)
+    return np.arange(first, first + steps + 1, dtype=float) * dt + (0.0 if abs(offset) < 1e-9 * dt else offset)
 
 
 def _read(status: Status, time: FloatArray, out: FloatArray, n: int) -> Sensitivities:
@@ -196,22 +192,7 @@ def _read(status: Status, time: FloatArray, out: FloatArray, n: int) -> Sensitiv
 
 
 @spelled
-def sensitivities(
-    worm: Worm,
-    world: World | None,
-    ground: Friction | None = None,
-    *,
-    actuation: ActuationOf,
-    parameters: ArrayLike,
-    duration: float = 2.0,
-    dt: float = 0.01,
-    integrator: Integrator = "bdf2",
-    gravity: ArrayLike = (0.0, 0.0, -9.81),
-    state: State | None = None,
-    held: Held | ArrayLike | None = None,
-    settle_first: bool | None = None,
-    tolerance: float = MIN_NEWTON_TOLERANCE,
-) -> Sensitivities:
+def sensitivities(problem: Problem, actuation: ActuationOf, parameters: ArrayLike) -> Sensitivities:
     """Return a run and its derivatives with respect to parameters of the actuation.
 
     The derivatives are exact for the regimes in which the contacts are found: open, sliding or sticking, (FS1) and
@@ -220,40 +201,23 @@ def sensitivities(
 
     Parameters
     ----------
-    worm, world, ground, duration, dt, integrator, gravity, state, held, settle_first, tolerance
-        As in `worm3d.simulate`. The initial state does not depend on the parameters.
+    problem : Problem
+        The run. Its own actuation is not used, and its initial state does not depend on the parameters.
     actuation : callable
         Function from the parameters, shape (P,), to a gait or to a function of time, for example
         ``lambda p: gaits.TravellingWave(amplitude=p[0], bias=p[1])``. Its commands are differentiated by differences.
     parameters : array_like, shape (P,)
         Parameters at which the derivatives are taken.
 
-    Returns
-    -------
-    Sensitivities
-
     Raises
     ------
     ValueError
-        An argument is out of range, or the run has parts without sensitivities: loads, a medium that depends on the
-        strain, `ClampedGround`, or a controller.
+        An argument is invalid, or the run has parts without sensitivities: loads, a medium that depends on the strain,
+        `ClampedGround`, a sensor, an external force, an accuracy or a controller.
     """
+    arguments.instance("problem", problem, Problem, "a worm3d.Problem")
     arguments.function("actuation", actuation, "a function from parameters to a gait")
     at = np.atleast_1d(arguments.floats("parameters", parameters))
     if at.ndim != 1 or at.size == 0:
         raise ValueError(f"parameters: got shape {at.shape}, must be (P,) with at least one parameter")
-    problem = Problem(
-        worm=worm,
-        world=world,
-        ground=ground,
-        actuation=actuation(at),
-        duration=duration,
-        dt=dt,
-        integrator=integrator,
-        gravity=gravity,
-        state=state,
-        held=held,
-        settle_first=settle_first,
-        tolerance=tolerance,
-    )
     return Sensed(problem, at.size).follow(actuation, at, problem.steps)

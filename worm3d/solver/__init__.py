@@ -11,6 +11,7 @@ fronts     prediction of regimes, friction and loads, which is the initial guess
 loads      external loads on joints: forces, regimes, energy
 evaluate   potential, residual and Jacobian at a trial state
 faces      the point on the rim of an end face that touches the world
+sensitivity  steps with derivatives with respect to parameters of the commands
 clamped    the step on the ground of the paper, (P9) and (P10)
 pose       copying of states into the arrays; settling before a run
 guard      detection of shapes outside the model

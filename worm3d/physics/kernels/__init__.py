@@ -10,6 +10,7 @@ inputs and share an array of inputs, in which each input has its rows (`layout`)
     actuator  actuators of chambers and hinges
     hysteresis, medium, load  friction in the joints of chambers, viscous media, external loads
     inertia, losses  terms that points and joints share
+    change    derivatives of all of these with respect to a parameter
     regime    first-order prediction of a contact, with which the solver guesses its regime
 """
 
