@@ -257,9 +257,10 @@
       if (following) page.label_play(!state.held);
       const rate = page.element("rate");
       if ([...rate.options].some((option) => Number(option.value) === state.speed)) rate.value = state.speed;
+      const refused = state.says && state.says !== told; // a slider goes back, also under the pointer
       if (state.says !== undefined && state.says !== told) say(told = state.says);
       for (const [key, value] of Object.entries(state.values || {})) {
-        for (const input of inputs[key] || []) if (document.activeElement !== input && !(key in waiting)) input.value = shown(value);
+        for (const input of inputs[key] || []) if (refused || (document.activeElement !== input && !(key in waiting))) input.value = shown(value);
       }
       const record = page.element("record");
       if (record) {
@@ -329,10 +330,10 @@
       page.element("side").prepend(box);
       make_pull();
       if (!steers) return;
-      let last = 0;
+      const last = {}; // a key that is held down repeats itself
       const steer = (value) => () => {
-        if (performance.now() - last < STEER_EVERY) return;
-        last = performance.now();
+        if (performance.now() - last[value] < STEER_EVERY) return;
+        last[value] = performance.now();
         follow(true);
         send({ do: "steer", value });
       };
