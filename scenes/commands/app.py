@@ -33,8 +33,7 @@ Fps = Annotated[int | None, typer.Option(min=1, max=50, help="Frames per second 
 SECTIONS = {
     "Scenes": ("run", "play", "check", "list", "init"),
     "Results": ("plot", "view", "export", "compare"),
-    "Many runs": ("sweep", "study", "fit", "optimise", "learn"),
-    "Soft segments": ("fem", "law"),
+    "Many runs, and soft segments": ("sweep", "study", "fit", "optimise", "learn", "fem", "law"),
 }
 """Groups of commands in the help, by title."""
 

@@ -1,6 +1,6 @@
 """Pictures per second, time from key to picture, and growth of memory of `worm3d play`, in a headless Chromium.
 
-    PYTHONPATH=tests/worm3d python tests/benchmarks/play.py [SCENE] [--size 1280x800] [--minutes 3] [--speed 1]
+    PYTHONPATH=.:tests/worm3d python tests/benchmarks/play.py [SCENE] [--size 1280x800] [--minutes 3] [--speed 1]
 
 A key to picture is the time from a key that takes a step of the held run to the second frame of the browser after the
 page got the answer. Memory is measured after garbage collection, every fifth of the time.
@@ -18,14 +18,28 @@ import time
 from pathlib import Path
 
 import devtools
+from measuring import say
 
-PICTURES = """new Promise(done => { let count = 0, last = "", begin = performance.now();
-  (function look() { const now = document.documentElement.dataset.time; if (now !== last) { count++; last = now; }
-    const passed = performance.now() - begin; if (passed > 5000) done(1000 * count / passed); else requestAnimationFrame(look); })(); })"""
+PICTURES = """new Promise(done => {
+  let count = 0, last = "";
+  const begin = performance.now();
+  (function look() {
+    const now = document.documentElement.dataset.time, passed = performance.now() - begin;
+    if (now !== last) { count++; last = now; }
+    if (passed > 5000) done(1000 * count / passed); else requestAnimationFrame(look);
+  })();
+})"""
 
-LATENCY = """window.taken = []; addEventListener("keydown", () => { const begin = performance.now(), page = document.documentElement;
-  const before = page.dataset.heard; (function look() { requestAnimationFrame(() => { if (page.dataset.heard === before) look();
-    else requestAnimationFrame(() => taken.push(performance.now() - begin)); }); })(); }, true)"""
+LATENCY = """window.taken = [];
+addEventListener("keydown", () => {
+  const begin = performance.now(), page = document.documentElement, before = page.dataset.heard;
+  (function look() {
+    requestAnimationFrame(() => {
+      if (page.dataset.heard === before) look();
+      else requestAnimationFrame(() => taken.push(performance.now() - begin));
+    });
+  })();
+}, true)"""
 
 PROGRAM = "from scenes.commands.cli import main; main()"
 
@@ -68,7 +82,7 @@ def main() -> None:
         time.sleep(10.0)  # the page finds the number of pixels that it can draw
         rate = [browser.value(PICTURES) for _ in range(3)]
         ratio = browser.value("viewer.renderer.getPixelRatio()")
-        print(f"pictures per second: {', '.join(f'{each:.1f}' for each in rate)} (pixel ratio {ratio:.2f})")
+        say(f"pictures per second: {', '.join(f'{each:.1f}' for each in rate)} (pixel ratio {ratio:.2f})")
         browser.press(" ")
         browser.value(LATENCY)
         for _ in range(20):
@@ -76,11 +90,11 @@ def main() -> None:
             browser.press(".")
         time.sleep(0.5)
         taken = browser.value("taken")
-        print(f"key to picture: median {statistics.median(taken):.0f} ms, largest {max(taken):.0f} ms of {len(taken)}")
+        say(f"key to picture: median {statistics.median(taken):.0f} ms, largest {max(taken):.0f} ms of {len(taken)}")
         browser.press(" ")
         for _ in range(6):
-            print(f"t = {browser.value('document.documentElement.dataset.time')} s: ", end="")
-            print(f"programs {resident(process.pid):.1f} MB, script of the page {heap(browser):.1f} MB", flush=True)
+            said = f"t = {browser.value('document.documentElement.dataset.time')} s: "
+            say(f"{said}programs {resident(process.pid):.1f} MB, script of the page {heap(browser):.1f} MB")
             time.sleep(12.0 * asked.minutes)
         process.send_signal(signal.SIGINT)
 

@@ -207,7 +207,7 @@ def test_a_scene_is_saved_and_a_part_recorded(tmp_path: Any, monkeypatch: pytest
 
 def test_sliders_are_the_keys_of_the_scene_within_their_bounds() -> None:
     scene = load_scene("path_line")
-    assert [*sliders(scene)][0] == "reference.speed_m_s"
+    assert next(iter(sliders(scene))) == "reference.speed_m_s"
     assert "reference.heading_deg" not in sliders(scene), "a line has none"
     scene = load_scene("flat")
     for key, (known, value) in sliders(scene).items():
@@ -219,7 +219,7 @@ def test_sliders_are_the_keys_of_the_scene_within_their_bounds() -> None:
         for end in ("low", "high"):
             if key not in ("gait.amplitude", "gait.waves"):
                 assert changed(scene, key, made[end]) != scene or made[end] == value
-    with pytest.raises(SceneError, match="'worm.length_m': this scene has no such control"):
+    with pytest.raises(SceneError, match=r"'worm\.length_m': this scene has no such control"):
         changed(scene, "worm.length_m", 2.0)
     assert_array_equal(gravity_of(scene.settings), [0.0, 0.0, -9.81])
 
