@@ -88,7 +88,7 @@ def play(scene: Scene, *, speed: float, opens: Callable[[str], bool]) -> int:
 
     player = Player(scene)
     title = scene.settings.title or scene.name
-    with Interruption() as going, Live(speed=speed, began=began, title=title, horizon=player.played.horizon) as live:
+    with Interruption() as going, Live(speed=speed, began=began, title=title, horizon=player.horizon) as live:
         live.player, live.goes_on = player, lambda: not going.requested
         try:
             while not going.requested:
@@ -213,6 +213,10 @@ class Player:
             "recording": self._records,
             "steered": self.played.state(),
         }
+
+    def horizon(self, time: float, com: FloatArray) -> FloatArray | None:
+        """Return the path that the controller expects."""
+        return self.played.horizon(time, com)
 
     def path(self, com: FloatArray) -> FloatArray | None:
         """Return the path near the worm."""

@@ -118,7 +118,8 @@ class Live(Spelled):
         self.player: Player | None = None
         self.goes_on: Callable[[], bool] = lambda: True
         """Function that returns False to end a run that is held."""
-        self.held = False
+        self.held = self.again = False
+        """held, again: whether the run waits, and whether the page has ended it to see it from the start again."""
         self._view: LiveView | None = None
         self._world: World | None = None
         self._shown = self._drawn = -np.inf
@@ -218,6 +219,9 @@ class Live(Spelled):
             self.speed = float(value)
         elif self.player is not None:
             return self.player.answer(run, message)
+        elif do == "reset":
+            self.again = True
+            return False
         self._restart(run)
         return True
 

@@ -116,7 +116,7 @@
       }
       if (layer("trail").visible) draw_trail((1 - share) * a[0] + share * b[0]);
       draw_spring(share > 0.5 ? b : a);
-      document.documentElement.dataset.heard = part(share > 0.5 ? b : a, "heard")[0];
+      if (fields.heard) document.documentElement.dataset.heard = part(share > 0.5 ? b : a, "heard")[0];
     }
 
     // -------------------------------------------------------------- the trail
@@ -317,7 +317,6 @@
       });
       buttons.append(
         pull,
-        button("reset", "reset", "back to the start", () => { follow(true); send({ do: "reset" }); }),
         button("record", "record", "make a folder of results, as worm3d run does", () => send({ do: "record" })),
         button("save", "save", "save the scene with these values", () => send({ do: "save" })),
       );
@@ -347,6 +346,7 @@
       page.element("play").after(
         button("step", "\u25B6\u275A", "One step of the run (.)", feed.keys["."]),
         button("live", "live", "Back to the present (End)", () => follow(true)),
+        button("reset", "\u21BA", "The run begins anew", () => { follow(true); send({ do: "reset" }); }),
       );
       page.element("live").setAttribute("aria-pressed", "true");
     }
