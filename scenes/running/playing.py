@@ -121,13 +121,16 @@ class Player:
         self._run = None
         if not self._records:
             self.played.forget()
-        run = self._begun()
+        run, anew = self._begun(), self._state is None
         self._run, self._state, self._next = run, None, None
         result = run.finish(live.follow(run), Observer(lambda run: live.goes_on(), run.every))
         self._state = run.state()
+        failed = result.status not in (worm3d.Status.DONE, worm3d.Status.INTERRUPTED)
         if self._records:
-            self._keep(result if result.status.diverged else run.result(worm3d.Status.DONE))
-        if result.status.diverged:
+            self._keep(result if failed else run.result(worm3d.Status.DONE))
+        if failed and anew and run.done == 0:
+            raise SceneError(f"{self.scene.name}: {result.stop.sentence}")
+        if failed:
             self._says = f"{result.stop.sentence}; back at the start, with the same values"
             self._next, live.held = self._reset, True
         if self._next is not None:

@@ -112,6 +112,7 @@ class Live(Spelled):
         arguments.number("speed", speed, gt=0.0, infinite=True, allowed=above)
         arguments.flag("open_browser", open_browser)
         arguments.function("began", began, "a function of the address")
+        arguments.instance("title", title, str, "a text")
         self.speed = min(speed, FASTEST)
         self.open_browser, self.began, self.title = open_browser, began, title
         self.horizon = horizon

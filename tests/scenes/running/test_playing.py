@@ -246,3 +246,10 @@ def test_what_cannot_be_played_is_told(worm3d: Any) -> None:
     assert ended.complaints == [
         "planar_published: the model 'planar_published' cannot be played; 'worm3d run' animates it"
     ]
+
+
+def test_a_run_that_diverges_goes_back_to_the_start_and_waits() -> None:
+    page = played("flat", [(0.2, set_to("gait.hinge_deg", 170.0))], 6)
+    assert page.held
+    assert page.player.state()["says"].endswith("; back at the start, with the same values")
+    assert [t for t, _ in page.seen].count(0.0) > 1
