@@ -5,10 +5,12 @@ import json
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable
+import urllib.request
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 
@@ -26,7 +28,20 @@ from scenes.sweep.plan import Source
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 BOOK = ROOT / ".docs"
-IN_ORDER = ("scenes", "files", "accuracy", "compare", "gaits", "control", "faults", "learn", "sweeps", "studies", "fit")
+IN_ORDER = (
+    "scenes",
+    "play",
+    "files",
+    "accuracy",
+    "compare",
+    "gaits",
+    "control",
+    "faults",
+    "learn",
+    "sweeps",
+    "studies",
+    "fit",
+)
 """Guides with commands. Those of a guide may need the folders that commands before them have written."""
 GUIDES = sorted((BOOK / "guides").glob("*.md"))
 ROOMS = [
@@ -64,11 +79,27 @@ def run(arguments: list[str], folder: Path) -> str:
     program = str(BIN / Path(arguments[0]).name)
     options = [part for override in SHORTER.get(subject(arguments), ()) for part in ("-o", override)]
     no_browser = {**os.environ, "BROWSER": "true"}  # the program `true` opens nothing
+    if subject(arguments) == "play":
+        return play([program, *arguments[1:]], folder, no_browser)
     done = subprocess.run(
         [program, *arguments[1:], *options], cwd=folder, capture_output=True, text=True, check=False, env=no_browser
     )
     assert done.returncode == 0, f"{' '.join(arguments)}\n{done.stdout}\n{done.stderr}"
     return done.stdout
+
+
+def play(command: list[str], folder: Path, no_browser: Mapping[str, str]) -> str:
+    """Play a scene until its page has been served."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=folder, stdout=pipe, stderr=pipe, text=True, env=no_browser) as playing:
+        assert playing.stdout is not None
+        said = playing.stdout.readline()
+        with urllib.request.urlopen(re.findall(r"http://[^;]*", said)[0], timeout=60) as page:
+            assert b"Controls" in page.read()
+        playing.send_signal(signal.SIGINT)
+        out, errors = playing.communicate(timeout=60)
+    assert (playing.returncode, errors) == (0, "")
+    return said + out
 
 
 @pytest.mark.slow

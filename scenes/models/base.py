@@ -67,14 +67,15 @@ class Watch:
     """Function that is called with the address of the page as soon as the page can be opened."""
 
 
-class Played(Protocol):
+class Played:
     """What drives the worm of a scene that is played (`scenes.running.playing`), and goes on when values change."""
 
-    steers: str
+    steers = ""
     """Text about the effect of the arrow keys."""
 
     def drive(self) -> tuple[Any, Any]:
         """Return the actuation and the sensor for the next part of the run, which go on from the part before."""
+        raise NotImplementedError
 
     def follow(self, scene: Any, time: float) -> None:
         """Take over the values of a changed scene from a time on [s]."""
@@ -84,18 +85,23 @@ class Played(Protocol):
 
         Return the keys of the scene that have to change, with their new values. With 0 and 0, follow the scene again.
         """
+        return {}
 
     def state(self) -> str:
         """Return how the worm is steered beside the scene, as a text for the page; empty if it is not."""
+        return ""
 
     def horizon(self, time: float, com: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return the path that a controller expects, as for `worm3d.Live`."""
+        return None
 
     def path(self, com: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return the path to keep near the centre of mass, shape (P, 3) [m], or None."""
+        return None
 
     def wanted(self, time: float) -> float | None:
         """Return the speed that the worm has to keep [m/s], or None."""
+        return None
 
     def forget(self) -> None:
         """Forget what only a record of earlier times would need."""

@@ -56,9 +56,11 @@ half of `LEG`, parts would be made twice as often, which takes a frame each time
 STEEPEST = 45.0
 """Largest angle that a slider sets [deg]. Other angles can be typed."""
 
-STIFFNESS, STRONGEST = 4.0, 2.0
+STIFFNESS, STRONGEST, DAMPED = 2.0, 1.5, 0.3
 """Stiffness of the spring by which a user pulls the worm [weights per body length], and its largest force [weights].
-With half the stiffness, a short pull does not overcome friction. With double, the worm is lifted by accident."""
+With half the stiffness, a short pull does not overcome friction. With double, the worm is lifted by accident. The
+damping is critical for the mass of the worm, and at most `DAMPED` times the mass of a segment in each time step, since
+the force of a step is computed before the step. With six times this value, the pull would grow from step to step."""
 
 
 def play(scene: Scene, *, speed: float, opens: Callable[[str], bool]) -> int:
@@ -86,7 +88,7 @@ def play(scene: Scene, *, speed: float, opens: Callable[[str], bool]) -> int:
 
     player = Player(scene)
     title = scene.settings.title or scene.name
-    with Interruption() as going, Live(speed=speed, began=began, title=title, horizon=player.played.horizon) as live:
+    with Interruption() as going, Live(speed=speed, began=began, title=title, horizon=player.horizon) as live:
         live.player, live.goes_on = player, lambda: not going.requested
         try:
             while not going.requested:
@@ -119,13 +121,16 @@ class Player:
         self._run = None
         if not self._records:
             self.played.forget()
-        run = self._begun()
+        run, anew = self._begun(), self._state is None
         self._run, self._state, self._next = run, None, None
         result = run.finish(live.follow(run), Observer(lambda run: live.goes_on(), run.every))
         self._state = run.state()
+        failed = result.status not in (worm3d.Status.DONE, worm3d.Status.INTERRUPTED)
         if self._records:
-            self._keep(result if result.status.diverged else run.result(worm3d.Status.DONE))
-        if result.status.diverged:
+            self._keep(result if failed else run.result(worm3d.Status.DONE))
+        if failed and anew and run.done == 0:
+            raise SceneError(f"{self.scene.name}: {result.stop.sentence}")
+        if failed:
             self._says = f"{result.stop.sentence}; back at the start, with the same values"
             self._next, live.held = self._reset, True
         if self._next is not None:
@@ -212,6 +217,10 @@ class Player:
             "steered": self.played.state(),
         }
 
+    def horizon(self, time: float, com: FloatArray) -> FloatArray | None:
+        """Return the path that the controller expects."""
+        return self.played.horizon(time, com)
+
     def path(self, com: FloatArray) -> FloatArray | None:
         """Return the path near the worm."""
         return self.played.path(com)
@@ -229,10 +238,12 @@ class Player:
         """Return the place where the worm is held [m], and the force of the spring on it [N], each of shape (3,)."""
         assert self._grip is not None
         i, share = self._grip
-        tail, head = run.plant.arrays["joints"][:3, i : i + 2].T
-        at, worm = (1.0 - share) * tail + share * head, run.plant.worm
+        beside, worm = np.array([1.0 - share, share]), run.plant.worm
+        at, speed = (run.plant.arrays[name][:3, i : i + 2] @ beside for name in ("joints", "joint_velocity"))
         weight = worm.mass * float(np.linalg.norm(run.plant.gravity))
-        pull = STIFFNESS * weight / worm.length * (self._pointer - at)
+        stiffness = STIFFNESS * weight / worm.length
+        damping = min(2.0 * math.sqrt(stiffness * worm.mass), DAMPED * worm.mass / (worm.segments * run.dt))
+        pull = stiffness * (self._pointer - at) - damping * speed
         size = float(np.linalg.norm(pull))
         return at, pull * min(1.0, STRONGEST * weight / max(size, 1e-300))
 
@@ -366,8 +377,11 @@ def changed(scene: Scene, name: str, value: Any) -> Scene:
         raise SceneError(f"{name!r:.60}: this scene has no such control")
     section, _, key = name.partition(".")
     about, _ = known[name]
-    if about.is_number and isinstance(value, int | float) and math.isfinite(value):
-        value = round(value) if about.is_whole else float(f"{value:.6g}")
+    if about.is_number:
+        number = float(numbers([value], 1)[0])
+        value = round(number) if about.is_whole else float(f"{number:.6g}")
+    elif value not in about.choices:
+        raise SceneError(f"{name}: got {value!r:.60}, must be one of {', '.join(about.choices)}")
     return with_values(scene, section, {key: value})
 
 

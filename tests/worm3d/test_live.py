@@ -140,3 +140,15 @@ def test_the_address_is_printed_if_nobody_asks_for_it() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("http://127.0.0.1:")
+
+
+def test_the_page_lets_a_run_that_is_only_watched_end_to_begin_again() -> None:
+    with worm3d.Live(speed=1e6, began=lambda url: None) as live:
+
+        def look(t: float, view: worm3d.View) -> None:
+            if abs(t - 0.3) < 1e-9:
+                assert live._view is not None
+                live._view._server.heard.put({"do": "reset"})
+
+        result = crawl(duration=20.0, live=live, observer=look)
+        assert (result.status, live.again) == (worm3d.Status.INTERRUPTED, True)

@@ -112,13 +112,15 @@ class Live(Spelled):
         arguments.number("speed", speed, gt=0.0, infinite=True, allowed=above)
         arguments.flag("open_browser", open_browser)
         arguments.function("began", began, "a function of the address")
+        arguments.instance("title", title, str, "a text")
         self.speed = min(speed, FASTEST)
         self.open_browser, self.began, self.title = open_browser, began, title
         self.horizon = horizon
         self.player: Player | None = None
         self.goes_on: Callable[[], bool] = lambda: True
         """Function that returns False to end a run that is held."""
-        self.held = False
+        self.held = self.again = False
+        """held, again: whether the run waits, and whether the page has ended it to see it from the start again."""
         self._view: LiveView | None = None
         self._world: World | None = None
         self._shown = self._drawn = -np.inf
@@ -218,6 +220,9 @@ class Live(Spelled):
             self.speed = float(value)
         elif self.player is not None:
             return self.player.answer(run, message)
+        elif do == "reset":
+            self.again = True
+            return False
         self._restart(run)
         return True
 

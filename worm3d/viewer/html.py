@@ -115,9 +115,7 @@ def _page(contents: Mapping[str, str], script: str | None) -> str:
         "viewer.html",
         live=live,
         style=resource("viewer.css") + resource("play.css") * live,
-        script=resource("viewer.js"),
-        tools=resource("tools.js"),
-        play=f"<script>\n{resource('play.js')}\n</script>" * live,
+        script=resource("tools.js") + resource("play.js") * live + resource("viewer.js"),
         meshcat=_player(contents, script),
         **contents,
     )

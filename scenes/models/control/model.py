@@ -54,8 +54,12 @@ def watch(scene: ControlScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene while a browser shows the run live."""
     driver = Phased(controller_of(scene))
     horizon = control_view.horizon_of(lambda: driver.controller.decisions, scene)
-    with worm3d.Live(speed=how.speed, began=how.began, title=scene.title or "worm3d", horizon=horizon) as live:
-        return _run(scene, observer, driver, live)
+    with worm3d.Live(speed=how.speed, began=how.began, horizon=horizon, title=scene.title or "worm3d") as live:
+        found = _run(scene, observer, driver, live)
+        while live.again:
+            live.again = False
+            found = _run(scene, observer, driver, live)  # which resets the driver
+        return found
 
 
 def _run(scene: ControlScene, observer: Observer, driver: Phased, live: worm3d.Live | None = None) -> Outcome:

@@ -14,6 +14,7 @@ from control.faults.injected import Faulty
 from control.loop import Driver
 from control.sensing.sensors import Measurement
 from control.tracking.references import Constant
+from scenes.models.base import Played
 from scenes.models.control.build import controller_of, faults_of, sensors_of
 from scenes.models.control.reference import HEADING_KIND, reference_of
 from scenes.models.control.schema import ControlScene
@@ -71,7 +72,7 @@ class Phased:
         return np.array([*waves, further])[: (rows - 1) * every + 1 : every]
 
 
-class ControlPlay:
+class ControlPlay(Played):
     """The controller of a scene, which arrow keys steer by its reference."""
 
     steers = "Arrow keys: left and right turn away from the path, up and down change the speed; Esc: back to the path."
@@ -83,7 +84,7 @@ class ControlPlay:
         faulty: Any = Faulty(self.driver, faults, scene.seed, self.driver.controller) if faults else self.driver
         self._drive = Once(faulty), Once(sensors_of(scene))
         self._reference, self._heading = reference_of(scene), math.nan
-        self.horizon = horizon_of(lambda: self.driver.controller.decisions, scene)
+        self._horizon = horizon_of(lambda: self.driver.controller.decisions, scene)
 
     def drive(self) -> tuple[Any, Any]:
         """Return the controller and its sensors."""
@@ -121,6 +122,10 @@ class ControlPlay:
         if not math.isfinite(self._heading):
             return ""
         return f"steered to {math.degrees(self._heading):.0f} deg instead of along the path; Esc: back to the path"
+
+    def horizon(self, time: float, com: FloatArray) -> FloatArray | None:
+        """Return the latest predicted path."""
+        return self._horizon(time, com)
 
     def path(self, com: FloatArray) -> FloatArray | None:
         """Return the path near the centre of mass."""

@@ -46,7 +46,11 @@ def run(scene: GaitScene, observer: Observer) -> Outcome:
 def watch(scene: GaitScene, observer: Observer, how: Watch) -> Outcome:
     """Simulate a scene while a browser shows the run live."""
     with worm3d.Live(speed=how.speed, began=how.began, title=scene.title or "worm3d") as live:
-        return outcome(simulate(scene, observer, live=live), scene)
+        result = simulate(scene, observer, live=live)
+        while live.again:
+            live.again = False
+            result = simulate(scene, observer, live=live)
+        return outcome(result, scene)
 
 
 def resume(scene: GaitScene, earlier: Record, observer: Observer) -> Outcome:

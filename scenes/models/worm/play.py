@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import worm3d
+from scenes.models.base import Played
 from scenes.models.worm.build import gait_of, sensor_of
 from scenes.models.worm.schema import GaitScene
-from worm3d.values.arrays import FloatArray
 
 HINGE_STEP, BIAS_STEP, PERIOD_STEP = 5.0, 0.1, 1.1
 """Changes of the hinge [deg], of the bias and of the period (as a factor) by a press of an arrow key. With half these
@@ -63,7 +63,7 @@ class Going:
         return Going(gait, (time + self.shift) * period / self.period - time)
 
 
-class GaitPlay:
+class GaitPlay(Played):
     """The gait of a scene, which arrow keys steer by its own parameters."""
 
     steers = "Arrow keys: left and right turn, up and down change the period."
@@ -96,22 +96,3 @@ class GaitPlay:
         if up and isinstance(getattr(gait, "period_s", None), int | float):
             changed["gait.period_s"] = float(f"{gait.period_s / PERIOD_STEP**up:.6g}")
         return changed
-
-    def state(self) -> str:
-        """Return an empty text: what steers the worm are keys of the scene."""
-        return ""
-
-    def horizon(self, time: float, com: FloatArray) -> FloatArray | None:
-        """Return None: a gait expects nothing."""
-        return None
-
-    def path(self, com: FloatArray) -> FloatArray | None:
-        """Return None: a gait has no path."""
-        return None
-
-    def wanted(self, time: float) -> float | None:
-        """Return None: a gait keeps no speed."""
-        return None
-
-    def forget(self) -> None:
-        """Do nothing: a gait remembers nothing."""

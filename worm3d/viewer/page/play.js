@@ -116,7 +116,7 @@
       }
       if (layer("trail").visible) draw_trail((1 - share) * a[0] + share * b[0]);
       draw_spring(share > 0.5 ? b : a);
-      document.documentElement.dataset.heard = part(share > 0.5 ? b : a, "heard")[0];
+      if (fields.heard) document.documentElement.dataset.heard = part(share > 0.5 ? b : a, "heard")[0];
     }
 
     // -------------------------------------------------------------- the trail
@@ -257,9 +257,10 @@
       if (following) page.label_play(!state.held);
       const rate = page.element("rate");
       if ([...rate.options].some((option) => Number(option.value) === state.speed)) rate.value = state.speed;
+      const refused = state.says && state.says !== told; // a slider goes back, also under the pointer
       if (state.says !== undefined && state.says !== told) say(told = state.says);
       for (const [key, value] of Object.entries(state.values || {})) {
-        for (const input of inputs[key] || []) if (document.activeElement !== input && !(key in waiting)) input.value = shown(value);
+        for (const input of inputs[key] || []) if (refused || (document.activeElement !== input && !(key in waiting))) input.value = shown(value);
       }
       const record = page.element("record");
       if (record) {
@@ -316,7 +317,6 @@
       });
       buttons.append(
         pull,
-        button("reset", "reset", "back to the start", () => { follow(true); send({ do: "reset" }); }),
         button("record", "record", "make a folder of results, as worm3d run does", () => send({ do: "record" })),
         button("save", "save", "save the scene with these values", () => send({ do: "save" })),
       );
@@ -329,10 +329,10 @@
       page.element("side").prepend(box);
       make_pull();
       if (!steers) return;
-      let last = 0;
+      const last = {}; // a key that is held down repeats itself
       const steer = (value) => () => {
-        if (performance.now() - last < STEER_EVERY) return;
-        last = performance.now();
+        if (performance.now() - last[value] < STEER_EVERY) return;
+        last[value] = performance.now();
         follow(true);
         send({ do: "steer", value });
       };
@@ -346,6 +346,7 @@
       page.element("play").after(
         button("step", "\u25B6\u275A", "One step of the run (.)", feed.keys["."]),
         button("live", "live", "Back to the present (End)", () => follow(true)),
+        button("reset", "\u21BA", "The run begins anew", () => { follow(true); send({ do: "reset" }); }),
       );
       page.element("live").setAttribute("aria-pressed", "true");
     }

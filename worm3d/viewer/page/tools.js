@@ -155,6 +155,7 @@
       };
       toggle.setAttribute("aria-pressed", "true");
       if (!live) {
+        element("loop").checked = false; // a film ends with the run
         page.show(page.begin());
         page.play(true);
       }
