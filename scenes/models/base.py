@@ -68,7 +68,7 @@ class Watch:
 
 
 class Played:
-    """What drives the worm of a scene that is played (`scenes.running.playing`), and goes on when values change."""
+    """Drive of the worm of a scene that is played (`scenes.running.playing`). It goes on when values change."""
 
     steers = ""
     """Text about the effect of the arrow keys."""
@@ -104,7 +104,7 @@ class Played:
         return None
 
     def forget(self) -> None:
-        """Forget what only a record of earlier times would need."""
+        """Forget data that only a record of earlier times would need."""
 
 
 @dataclass(frozen=True)

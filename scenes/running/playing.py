@@ -248,7 +248,7 @@ class Player:
         return at, pull * min(1.0, STRONGEST * weight / max(size, 1e-300))
 
     def answer(self, run: Run, message: Mapping[str, Any]) -> bool:
-        """Do what a message asks for. Return whether this part of the run goes on."""
+        """Obey a message. Return whether this part of the run goes on."""
         does = getattr(self, f"_do_{message.get('do')}", None)
         try:
             return True if does is None else bool(does(run, message))

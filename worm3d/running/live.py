@@ -55,7 +55,7 @@ class Player(Protocol):
         """Return the controls of the page, as `worm3d.viewer.live.LiveView` describes."""
 
     def state(self) -> Mapping[str, Any]:
-        """Return what the page shows about the controls."""
+        """Return the present values of the controls, and messages for the user."""
 
     def values(self, run: Run, now: Recorded) -> Mapping[str, ArrayLike]:
         """Return further values of a picture by name, always of the same names and sizes."""
@@ -64,7 +64,7 @@ class Player(Protocol):
         """Return the path near the centre of mass, shape (P, 3) [m]. `com` has the shape (3,) [m]. None: no path."""
 
     def answer(self, run: Run, message: Mapping[str, Any]) -> bool:
-        """Do what a message of the page asks for. Return whether the run goes on."""
+        """Obey a message of the page. Return whether the run goes on."""
 
 
 class Live(Spelled):
@@ -209,7 +209,7 @@ class Live(Spelled):
         return True
 
     def _answer(self, run: Run, message: Mapping[str, Any]) -> bool:
-        """Do what a message of the page asks for. Return whether the run goes on."""
+        """Obey a message of the page. Return whether the run goes on."""
         do, value, number = (message.get(name) for name in ("do", "value", "id"))
         self._heard = number if isinstance(number, int) and abs(number) < 2**24 else 0
         if do in ("hold", "go"):

@@ -152,7 +152,7 @@ class Browser(Guarded, WebSocketHandler):
                 _say(f"heard={json.dumps(given)}")
 
     def on_close(self) -> None:
-        """Remove the browser, and let go of what it holds."""
+        """Remove the browser, and release the worm if the browser pulls it."""
         if self in self.room.browsers:
             self.room.browsers.discard(self)
             _say('heard={"do": "let_go"}')

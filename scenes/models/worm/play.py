@@ -1,4 +1,4 @@
-"""What drives the worm of a scene with a gait that is played (`scenes.models.base.Played`)."""
+"""Drive of the worm of a scene with a gait that is played (`scenes.models.base.Played`)."""
 
 from __future__ import annotations
 
