@@ -17,6 +17,7 @@ import functools
 import hmac
 import json
 import secrets
+import signal
 import struct
 import sys
 import threading
@@ -195,6 +196,7 @@ class Room:
 
 def main() -> None:
     """Run the server. The first line of output is the address of the page."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process, which then ends this one
     room, loop = Room(), IOLoop.current()
     routes = [(r"/([^/]+)/", Page, {"room": room}), (r"/([^/]+)/socket", Browser, {"room": room})]
     server = HTTPServer(Application(routes, websocket_max_message_size=LONGEST_MESSAGE))
