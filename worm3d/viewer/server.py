@@ -13,6 +13,7 @@ know the token in the address of the page.
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import hmac
 import json
@@ -84,11 +85,13 @@ class Guarded(RequestHandler):
 class Page(Guarded):
     """Handler of requests for the page."""
 
-    def get(self, _token: str) -> None:
-        """Send the page. The page itself has the rules for its scripts (`worm3d.viewer.policy`)."""
+    async def get(self, _token: str) -> None:
+        """Send the page, as soon as the other process has sent it. The page itself has the rules for its scripts (`worm3d.viewer.policy`)."""
         headers = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
         for name, value in {**headers, "Content-Security-Policy": "frame-ancestors 'none'"}.items():
             self.set_header(name, value)
+        while not self.room.kept[PAGE]:
+            await asyncio.sleep(0.01)
         self.finish(self.room.kept[PAGE])
 
 
