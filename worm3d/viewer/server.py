@@ -86,7 +86,7 @@ class Page(Guarded):
     """Handler of requests for the page."""
 
     async def get(self, _token: str) -> None:
-        """Send the page, as soon as the other process has sent it. The page itself has the rules for its scripts (`worm3d.viewer.policy`)."""
+        """Send the page, as soon as it is known. The page itself has the rules for its scripts."""
         headers = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
         for name, value in {**headers, "Content-Security-Policy": "frame-ancestors 'none'"}.items():
             self.set_header(name, value)
