@@ -13,10 +13,12 @@ know the token in the address of the page.
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import hmac
 import json
 import secrets
+import signal
 import struct
 import sys
 import threading
@@ -83,11 +85,13 @@ class Guarded(RequestHandler):
 class Page(Guarded):
     """Handler of requests for the page."""
 
-    def get(self, _token: str) -> None:
-        """Send the page. The page itself has the rules for its scripts (`worm3d.viewer.policy`)."""
+    async def get(self, _token: str) -> None:
+        """Send the page, as soon as it is known. The page itself has the rules for its scripts."""
         headers = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
         for name, value in {**headers, "Content-Security-Policy": "frame-ancestors 'none'"}.items():
             self.set_header(name, value)
+        while not self.room.kept[PAGE]:
+            await asyncio.sleep(0.01)
         self.finish(self.room.kept[PAGE])
 
 
@@ -195,6 +199,7 @@ class Room:
 
 def main() -> None:
     """Run the server. The first line of output is the address of the page."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process, which then ends this one
     room, loop = Room(), IOLoop.current()
     routes = [(r"/([^/]+)/", Page, {"room": room}), (r"/([^/]+)/socket", Browser, {"room": room})]
     server = HTTPServer(Application(routes, websocket_max_message_size=LONGEST_MESSAGE))
