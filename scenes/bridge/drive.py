@@ -13,7 +13,7 @@ from control.sensing.sensors import Measurement, Sample
 from scenes.bridge import record as records
 from scenes.language.errors import DiscError, SceneError
 from scenes.models.control.build import controller_of
-from scenes.models.control.model import Phased
+from scenes.models.control.play import Phased
 from scenes.models.control.schema import ControlScene
 from scenes.models.loading import Scene
 from scenes.models.worlds.build import world_of

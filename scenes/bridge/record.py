@@ -17,7 +17,7 @@ from control.estimation.estimate import HEADING
 from control.loop import MAX_HEADING_DEVIATION
 from control.sensing.sensors import QUANTITIES
 from control.tracking.metrics import Motion, measured
-from scenes.models.control.model import Phased
+from scenes.models.control.play import Phased
 from scenes.models.control.record import timing_of, variables_of
 from scenes.models.control.reference import reference_of
 from scenes.models.loading import Scene

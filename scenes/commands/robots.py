@@ -30,7 +30,7 @@ def bridge(
     quiet: Quiet = False,
     no_code: NoCode = False,
 ) -> None:
-    """Let the controller or gait of a scene drive a robot in real time.
+    """Let a controller or a gait drive a robot in real time.
 
     Writes result.nc, summary.json, figures and viewer.html, measured.csv for 'worm3d fit --to', and commands.csv for
     the key gait.file. If the robot falls silent, the command says so, calls it, and goes on when it answers. The exit

@@ -477,6 +477,7 @@ LOADED = 0.05
 """What a busy machine may add to the times of a test [s]."""
 
 
+@pytest.mark.slow  # in real time: other programs on the machine make controllers late
 class TestDrive:
     def test_commands_arrive_in_order_and_samples_come_back(self) -> None:
         found = []
@@ -704,6 +705,7 @@ class TestFirmware:
         assert len(line.out) == 12
         assert clock.now() == pytest.approx(120_000, abs=6000)
 
+    @pytest.mark.slow  # in real time, as above
     def test_a_controller_drives_it_over_a_serial_line(self, firmware: ModuleType) -> None:
         ours, theirs = os.openpty()
         tty.setraw(ours)

@@ -2,7 +2,7 @@
 
     python tests/worm3d/packing.py
 
-makes it for all kinds of processors, on any Linux machine of their family: two files of less than 100 kB. `--check`
+makes it for all kinds of processors, on any Linux machine of their family: two files of less than 200 kB. `--check`
 makes it too, and compares it with what is there, byte for byte: the same sources and versions make the same bytes.
 `--keys` takes seconds: the keys, which are digests of the sources, have to be those of the archives.
 """
@@ -31,6 +31,8 @@ import worm3d
 command = lambda t: worm3d.Command(contraction=[[0.1, 0.1]] * 6)
 for more in ({}, {"observer": lambda t, view: view.com, "every": 1, "record_every": 2}, {"accuracy": 0.05}):
     worm3d.simulate(worm3d.Worm(), worm3d.Plane(0.1), duration=0.02, actuation=command, **more)
+problem = worm3d.Problem(worm=worm3d.Worm(), world=worm3d.Plane(0.1), duration=0.02)
+worm3d.sensitivities(problem, lambda p: lambda t: worm3d.Command(contraction=[[p[0], p[0]]] * 6), [0.1])
 """
 """Runs that call every function of the archives."""
 Call = tuple[Function, Any, Any]

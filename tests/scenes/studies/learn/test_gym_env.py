@@ -25,7 +25,9 @@ def test_it_passes_the_checker() -> None:
     check_env(WormEnv("path_circle", ("run.duration_s=2",)), skip_render_check=True)
 
 
-@pytest.mark.parametrize("name", NAMED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == "PathFollow-v0" else pytest.mark.slow) for name in NAMED]
+)
 def test_each_environment_has_a_name_and_passes_the_checker(name: str) -> None:
     env = gymnasium.make(f"worm3d/{name}", render_mode="rgb_array")
     check_env(env.unwrapped, skip_render_check=True)
