@@ -17,6 +17,7 @@ def mutants():
     return module
 
 
+@pytest.mark.slow
 def test_thirty_mutations_are_of_all_areas_and_operators_and_change_what_runs(mutants) -> None:
     chosen = mutants.drawn(3, 30)
     assert len({(each.area, each.operator) for each in chosen}) == len(mutants.AREAS) * len(mutants.OPERATORS) == 30

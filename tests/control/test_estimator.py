@@ -225,6 +225,7 @@ def test_the_first_stroke_is_taken_neither_for_speed_nor_for_a_push() -> None:
         assert max(each.deviations[ReducedState._fields.index("drift")] for each in begun) < 0.005, seed
 
 
+@pytest.mark.slow
 def test_a_first_stroke_back_is_not_taken_for_the_way_ahead() -> None:
     """Uphill on ground that holds feet no better one way than the other, it takes the worm back."""
     recorder, slope = Recorder(straight), Plane(slope=np.deg2rad(3.0))
@@ -306,6 +307,7 @@ def test_the_order_of_arrival_of_headings_makes_no_difference(arrival: tuple[int
     assert_allclose(out_of_order.covariance, in_order.covariance, rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_lost_samples_are_bridged() -> None:
     run = recorded("winding")
     lossy = Sensors(replace(STRAIN, dropout=0.3), replace(COM, dropout=0.3), seed=3)

@@ -146,6 +146,7 @@ def test_a_worm_leans_where_its_gains_differ_from_the_usual_ones_and_not_where_c
     assert "tipped" not in {fault.kind for fault in faults([replace(known, gain=gain, usual_gain=dead)] * 3)}
 
 
+@pytest.mark.slow
 def test_small_waves_under_load_are_no_fault_of_the_chambers() -> None:
     heavy, slow = replace(WORM, mass=0.4), Reference(Constant(0.02), path=LINE)
     _, _, found = run(slow, 6.0, worm=heavy)
@@ -189,6 +190,7 @@ def test_a_worm_that_goes_the_wrong_way_along_its_path_is_too_slow() -> None:
         assert [fault.kind for fault in faults(quick)] == [kind for kind in kinds if kind != "too fast"]
 
 
+@pytest.mark.slow
 def test_a_worm_that_faces_away_says_so_and_not_that_it_is_slow() -> None:
     _, _, found = run(Reference(Constant(0.08), path=Line(start=(0.5, 0.0), azimuth=np.pi)), 14.0)
     assert set(found) == {"facing away"}
@@ -274,6 +276,7 @@ def test_without_samples_of_the_place_it_says_so() -> None:
     assert "known to 10" in found["lost heading"].what, "it may look anywhere: 180 / sqrt(3) degrees"
 
 
+@pytest.mark.slow
 def test_strains_that_are_lost_are_told_within_three_waves_and_a_worm_without_such_sensors_misses_nothing() -> None:
     class Deaf(Broken):
         def step(self, t: float, measurement: Measurement) -> Command:
@@ -292,6 +295,7 @@ def test_strains_that_are_lost_are_told_within_three_waves_and_a_worm_without_su
             assert deaf.waves_from(4.0, found["no strains"].time) < 3.0 + 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "fault"),
     [

@@ -394,6 +394,7 @@ def test_a_turn_that_is_not_known_leaves_an_offset_in_proportion_to_the_square_o
     assert_allclose(run.states[-25:, 1], 0.005 * way**2 / 0.08, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_what_a_turn_that_is_half_known_leaves_is_taken_off() -> None:
     """The estimate says three quarters of a yaw bias, and that it is surely not 0."""
     begin, controller = REST._replace(speed=0.08, yaw_bias=0.02), mpc("hinge")
@@ -409,6 +410,7 @@ def test_what_a_turn_that_is_half_known_leaves_is_taken_off() -> None:
     assert np.max(np.abs(aside)) < 2.0 * left
 
 
+@pytest.mark.slow
 def test_from_afar_a_worm_goes_straighter_for_its_line() -> None:
     """By (O7) it comes within 0.02 m sooner than where the miss of the heading costs its square, however large."""
     begin, joined = REST._replace(y=0.3, speed=0.08), []
@@ -554,6 +556,7 @@ def test_effort_of_a_plan(record_property) -> None:
     assert np.mean([plan.iterations for plan in run.plans]) <= 3.0
 
 
+@pytest.mark.slow
 def test_a_slow_wave_on_a_sharp_circle_is_not_faster_than_it_is_asked_to_be() -> None:
     run = closed_loop(Reference(Constant(0.02), path=Circle(0.6)), REST, 50.0)
     assert_allclose(run.speed[-20:].mean(), 0.02, rtol=0.01)

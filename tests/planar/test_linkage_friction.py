@@ -62,6 +62,7 @@ def test_standing_on_a_slope_it_does_not_creep(default_worm: Linkage, slope: flo
     assert np.abs(run.joints[500] - run.joints[0]).max() < 1e-4  # the displacement of settling
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("uphill", "mu"), [(1, 0.5), (-1, 0.3)])
 def test_onset_of_sliding_is_at_the_friction_angle_of_its_direction(
     default_worm: Linkage, uphill: int, mu: float
@@ -220,6 +221,7 @@ def test_without_friction_the_centre_of_mass_stays(default_worm: Linkage) -> Non
     assert np.abs(run.com[:, 0] - run.com[0, 0]).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_dragging_costs_exactly_the_forward_coefficient(default_worm: Linkage) -> None:
     """Loads that add up to the weight, all slipping forward: friction work = mu_f m g d, however they are shared."""
     pull = np.zeros((7, 2))
@@ -316,6 +318,7 @@ def quantile(values: np.ndarray, weights: np.ndarray, level: float) -> float:
     return float(values[order][np.searchsorted(total, level * total[-1])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", ["retrograde", "direct"])
 @pytest.mark.parametrize(("mu_forward", "mu_backward"), [(0.03, 0.20), (0.10, 0.20), (0.20, 0.20)])
 def test_quasi_static_crawling_follows_the_quantile_law(mu_forward: float, mu_backward: float, direction: str) -> None:

@@ -48,6 +48,7 @@ def finer_and_finer(uneven_worm: Linkage) -> list[linkage.Run]:
     return [in_the_air(uneven_worm, dt, 0.4) for dt in (8e-4, 4e-4, 2e-4, 1e-4)]
 
 
+@pytest.mark.slow
 def test_implicit_euler_is_of_first_order(finer_and_finer: list[linkage.Run]) -> None:
     steps = [np.abs(a.joints[-1] - b.joints[-1]).max() for a, b in pairwise(finer_and_finer)]
     orders = np.log2(np.array(steps[:-1]) / steps[1:])

@@ -230,6 +230,7 @@ def test_a_run_that_blows_up_is_not_called_done() -> None:
     assert np.isfinite(run.q).all()
 
 
+@pytest.mark.slow
 def test_every_parameter_of_the_program_counts() -> None:
     """A parameter that is ignored leaves the run as it is."""
     changes = {

@@ -123,6 +123,7 @@ def test_a_hydrostat_carries_a_weight_that_flattens_a_rhombus(default_worm: Link
     assert_array_equal(run.worm.flattening_weight(), np.inf)
 
 
+@pytest.mark.slow
 def test_the_ledger_books_the_work_of_a_command_that_moves_apexes(crawls: list[linkage.Run]) -> None:
     """The balance closes without that work too: then the work is missing, and the numerical loss has it."""
     run = crawls[1]

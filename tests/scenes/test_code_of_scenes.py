@@ -114,6 +114,7 @@ def test_nothing_that_happens_to_be_installed_is_called() -> None:
     assert tried(0, 200) == {"tried": 200, "called": [], "accepted": []}
 
 
+@pytest.mark.slow
 def test_a_call_would_be_noticed() -> None:
     """The same where all that there is counts as marked; a few names are refused for other reasons."""
     keys = "{key: kind for key, kind in strangers.KEYS.items() if kind in ('term', 'path', 'world', 'fault')}"
@@ -164,6 +165,7 @@ def test_modules_of_python_and_programs_are_not_even_imported(scene: str, key: s
     assert not {"antigravity", "pip.__main__", "http.server"} & ({*sys.modules} - imported)
 
 
+@pytest.mark.slow
 def test_what_ends_a_program_ends_none(console) -> None:
     for value in ("os:abort", "sys:exit", "http.server:test"):
         ended = console("check", "path_line", "-o", f'constraints.parts=["roll", "{value}"]')

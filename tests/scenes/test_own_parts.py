@@ -187,6 +187,7 @@ def test_a_worm_that_is_told_to_rest_is_not_too_slow() -> None:
     assert simulate(line("run.duration_s=6", "controller.kind=own_parts:Still")).summary.faults == []
 
 
+@pytest.mark.slow
 def test_an_own_term_of_the_cost_slows_the_wave() -> None:
     usual, thrifty = (
         simulate(line("run.duration_s=8", *more))

@@ -129,6 +129,7 @@ waves = { "gait.kind" = "travelling_wave" }
 """
 
 
+@pytest.mark.slow
 def test_a_section_of_a_scene_varies_them_by_formulas_and_by_choices(worm3d) -> None:
     for name, text in (("driven", SCENE), ("chosen", CHOSEN)):
         Path(f"{name}.toml").write_text(text)
@@ -202,6 +203,7 @@ def seen(record: Record, file: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["fault", "controller"])
 def test_a_fit_finds_a_parameter_of_a_part(kind: str, tmp_path: Path) -> None:
     scene, overrides, key, truth = FITTED[kind]
@@ -253,6 +255,7 @@ def test_a_run_with_a_part_that_has_a_state_goes_on_bit_for_bit(kind: str, tmp_p
         assert np.ptp(rest[f"actuator_{states[kind]}"]) > 0.0
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_with_a_run_where_the_module_is(worm3d, zoo: Path) -> None:
     overrides = options((*WORM, *RESUMED["actuator"]))
     assert worm3d("run", "flat", *overrides, "--out", "half").code == 0

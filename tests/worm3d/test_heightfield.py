@@ -51,6 +51,7 @@ def test_distances_are_those_to_the_interpolated_surface(world: Heightfield) -> 
     assert np.quantile(error, 0.9) < 1e-8
 
 
+@pytest.mark.slow
 def test_distances_are_those_of_trimesh() -> None:
     """To a triangulation ten times as fine."""
     import trimesh

@@ -235,6 +235,7 @@ def test_worms_side_by_side_on_one_mesh_do_not_meet(slab: Mesh) -> None:
         assert_array_equal(worm3d.simulate(Worm(), slab, actuation=gait, duration=1.0).joints, result.joints)
 
 
+@pytest.mark.slow
 def test_where_there_is_no_ground_or_no_room(slab: Mesh, tunnel: Mesh) -> None:
     with pytest.raises(
         ValueError, match=r"position: got \[2.0, 0.0\] m: the world has no ground under the worm at x = 2."

@@ -25,7 +25,7 @@ from worm3d.solver.sensitivity import follow
 from worm3d.values import arguments
 from worm3d.values.arrays import FloatArray
 from worm3d.values.documented import with_fields
-from worm3d.values.spelling import spelled
+from worm3d.values.spelling import Spelled, spelled
 
 DIFFERENCE = 1e-6
 """Difference of a parameter with which commands are differentiated, as a fraction of the larger of the parameter's
@@ -39,7 +39,7 @@ ActuationOf = Callable[[FloatArray], Actuation]
 
 @with_fields
 @dataclass(frozen=True, eq=False)
-class Sensitivities:
+class Sensitivities(Spelled):
     """A run of T instants of a worm of N segments, and its derivatives with respect to P parameters.
 
     The unit of a derivative is the unit of the series, divided by the unit of the parameter.

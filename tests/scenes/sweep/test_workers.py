@@ -196,6 +196,7 @@ def test_cases_of_a_task_that_fails_are_tried_again_unless_there_is_one(tmp_path
     assert driver._lost == (list(batch) if together == 2 else [])
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_no_case_and_a_killing_case_is_told(tmp_path: Path) -> None:
     innocent = jobs(tmp_path, "spin 0.3", 8)
     guilty, wrong = jobs(tmp_path, "kill", 1)[0], jobs(tmp_path, "raise", 1)[0]

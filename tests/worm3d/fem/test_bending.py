@@ -83,6 +83,7 @@ def test_force_moment_and_volume_are_slopes_of_the_potential(
         np.testing.assert_allclose(bent.bending_stiffness_Nm, rate, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_bending_of_a_long_tube_is_beam_theory() -> None:
     """The plates stiffen both ends; the difference of two lengths is free of the ends."""
     compliances = []
@@ -136,6 +137,7 @@ def test_positive_bend_shortens_the_left_side(barrel: QuarterModel, bent: BentSt
     np.testing.assert_allclose(mirrored.force_N, bent.force_N, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_force_and_moment_converge_with_the_mesh() -> None:
     fine, default, coarse = (
         equilibrium(QuarterModel(description.parse(BARREL), along, 3), CONTRACTED) for along in (24, 16, 6)
@@ -206,6 +208,7 @@ def test_load_of_the_ground_is_the_slope_of_the_potential_and_the_reaction_of_th
     assert state.stable
 
 
+@pytest.mark.slow
 def test_a_thick_sphere_is_pressed_as_by_hertz() -> None:
     """F = 4/3 E* sqrt(R) d^1.5, E* = 4 mu, has d ~ F^(2/3). The finite thickness adds a term that is linear in F."""
     middle, thickness, length, mu = 0.033, 0.024, 0.04, 1e5

@@ -194,6 +194,7 @@ CLICKED = ("#panel summary", "#clock", '#layers input[value="trail"]', '#cameras
 CLICKED += ("#opacity input", "#time", "#loop", "#play", "#rate")
 
 
+@pytest.mark.slow
 def test_keys_work_whatever_was_clicked(browser: Any, viewer: Path) -> None:
     browser.open(viewer)
     browser.value("viewer.renderer.render = () => 0")  # what is drawn does not matter, and takes most of the time
@@ -338,6 +339,7 @@ def test_the_page_runs_no_script_but_its_own(browser: Any, viewer: Path, tmp_pat
     assert len([error for error in browser.errors if "Content Security Policy" in error]) >= 3, "script, image, handler"
 
 
+@pytest.mark.slow
 def test_the_live_page_shows_the_worm_and_keeps_to_its_policy(browser: Any, short: Frames) -> None:
     with LiveView(short.world) as view:
         view.show(short)

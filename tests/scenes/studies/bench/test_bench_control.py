@@ -97,6 +97,7 @@ def test_a_printed_trial_is_a_command_that_runs_it(worm3d) -> None:
     assert load_scene(scene, overrides[1::2]).to_toml() == Case(drawn(7, 2), "mpc").load().to_toml()
 
 
+@pytest.mark.slow
 def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs again what is broken, of another scene, or by other programs; the rest it keeps."""
     (tmp_path / "cases").mkdir()
@@ -129,6 +130,7 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     assert control._kept(plan[0], plan[0].load(), tmp_path) is None, "a letter that flipped is noticed"
 
 
+@pytest.mark.slow
 def test_two_workers_find_what_one_finds(tmp_path: Path) -> None:
     (tmp_path / "cases").mkdir()
     two = control.study(cases("open_loop", "pi_los"), tmp_path, workers=2)

@@ -54,6 +54,7 @@ def rows_of(path: Path) -> dict[tuple[str, str, str], dict[str, str]]:
         return {(row["kind"], row["name"], row["source"]): row for row in csv.DictReader(file)}
 
 
+@pytest.mark.slow
 def test_two_runs_a_case_and_a_measurement(worm3d, folder: Path) -> None:
     case = "0" * 20
     ended = worm3d("compare", "straight", "turning/result.nc", f"{case}.json", "lab.csv", "--out", "x")
@@ -86,6 +87,7 @@ def test_two_runs_a_case_and_a_measurement(worm3d, folder: Path) -> None:
         assert f"<figcaption>{label}</figcaption>" in text
 
 
+@pytest.mark.slow
 def test_a_measurement_that_lies_elsewhere_is_aligned_and_an_earlier_comparison_replaced(worm3d, folder: Path) -> None:
     (folder / "x").mkdir()
     for name in ("compare.html", "energy.png", "force_and_cable.png", "mine.txt"):
@@ -101,6 +103,7 @@ def test_a_measurement_that_lies_elsewhere_is_aligned_and_an_earlier_comparison_
     assert float(rows["series", "marker_head", "lab"]["difference"]) < 0.001
 
 
+@pytest.mark.slow
 def test_mistakes_are_sentences(worm3d, folder: Path) -> None:
     (folder / "torn.csv").write_text("time_s,com_x_m\n0,0\n")
     (folder / "torn.json").write_text("{")

@@ -56,6 +56,7 @@ def test_a_small_table_and_its_pictures(worm3d, tmp_path: Path) -> None:
     assert worm3d(*given).complaints == ["out/table.nc exists: choose another name, or replace it with --force"]
 
 
+@pytest.mark.slow
 @needs
 def test_bent_states_are_held_by_a_moment_in_their_direction(worm3d, tmp_path: Path) -> None:
     (tmp_path / "segment.toml").write_text(SEGMENT)
@@ -70,6 +71,7 @@ def test_bent_states_are_held_by_a_moment_in_their_direction(worm3d, tmp_path: P
     assert stable[-2:].any()
 
 
+@pytest.mark.slow
 @needs
 def test_ground_presses_states_and_the_law_reads_the_stiffness(worm3d, tmp_path: Path) -> None:
     (tmp_path / "segment.toml").write_text(SEGMENT)

@@ -91,6 +91,7 @@ def test_burg_finds_an_autoregressive_model_and_draws_from_it() -> None:
     assert not autocorrelation(np.ones(20), 3).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phi", [0.0, PHI])
 def test_intervals_hold_in_95_of_100_linear_fits(phi: float) -> None:
     """With white and autocorrelated noise, in two channels of which one lacks values; widths fit the scatter."""
@@ -113,6 +114,7 @@ def test_intervals_hold_in_95_of_100_linear_fits(phi: float) -> None:
     assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
 
 
+@pytest.mark.slow
 def test_intervals_of_many_channels_hold() -> None:
     """More than are modelled one by one, which two keys move in few patterns; neighbours share part of their noise."""
     random, repeats, many = np.random.default_rng(8), 60, MOST_CHANNELS + 2

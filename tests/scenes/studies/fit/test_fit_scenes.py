@@ -55,6 +55,7 @@ def test_a_trajectory_corrects_a_segment_law(tmp_path: Path) -> None:
     assert found.keys[0].value == pytest.approx(1.2, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_keys_are_found_again(record: Record, tmp_path: Path) -> None:
     start = overrides(gait__amplitude="0.16", friction__forward="0.05")
     found = package.fit("flat", written(tmp_path / "seen.csv", record, 1e-4), list(KEYS), start)
@@ -121,6 +122,7 @@ def test_a_wrong_scene_is_said_to_be_wrong(tmp_path: Path) -> None:
     assert repr(found).endswith("; the scene does not follow the data>")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["flat", "planar_wave"])
 def test_a_whole_exported_run_is_met_exactly(worm3d: Command, tmp_path: Path, scene: str) -> None:
     """Hundreds of columns of a simulation's own, many of them rounding or the same at any value of the keys."""

@@ -120,6 +120,7 @@ def assert_close_to(fit: Fit, truth: Membrane, *, all_forces: float, band: float
     assert_allclose(truth.rest * (1.0 - fit.free.contraction(pressures)), free, rtol=0, atol=1e-3 * truth.rest)
 
 
+@pytest.mark.slow
 def test_a_law_is_close_to_a_membrane_in_closed_form(membrane_law: Law) -> None:
     assert_close_to(membrane_law.fit, Membrane(), all_forces=0.003, band=0.016)
     errors = membrane_law.errors()
@@ -385,6 +386,7 @@ def test_rows_below_the_least_input_are_left_out(tmp_path: Path) -> None:
     assert table.load(path, (), ()).left_out == {}
 
 
+@pytest.mark.slow
 def test_an_input_that_lengthens_counts_from_its_greatest_value(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bellows: F = k (length - l0 - c p), V = V0 + k c (length - l0) - ..., from one potential."""
     k, l0, c, most = 200.0, 0.05, 4e-6, 5000.0

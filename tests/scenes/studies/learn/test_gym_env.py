@@ -181,6 +181,7 @@ def test_samples_that_cannot_be_are_not_seen(monkeypatch: pytest.MonkeyPatch) ->
 VARIED = {"reference.radius_m": "0.8:3", "reference.towards": "left,right"}
 
 
+@pytest.mark.slow
 def test_many_worms_are_those_of_single_environments_whatever_the_threads() -> None:
     actions = np.random.default_rng(5).uniform(-0.5, 0.5, (12, 3, 2)).astype(np.float32)
     many = [WormVectorEnv(3, "path_circle", ("run.duration_s=2",), vary=VARIED, threads=threads) for threads in (1, 2)]

@@ -329,6 +329,7 @@ def test_a_gait_file_gives_the_same_gait_and_mistakes_are_told(tmp_path: Path, m
         load_scene("flat", ["gait=wrong.toml"])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_cma")
 def test_the_command_writes_a_gait_that_runs_and_a_card(worm3d, tmp_path: Path) -> None:
     given = ("optimise", "flat", "--goal", "speed", "--budget", 28, "--searches", 1, "--free", "waves", "--out", "best")

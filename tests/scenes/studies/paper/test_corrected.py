@@ -100,6 +100,7 @@ def test_an_active_segment_shortens_and_widens() -> None:
     assert corrected_claims.mechanism_claim(flipped).verdict == "does not hold"
 
 
+@pytest.mark.slow
 def test_the_further_runs_judge_torsion_mass_friction_and_wave(monkeypatch: pytest.MonkeyPatch) -> None:
     def brief(*arguments: object, **options: object) -> Run:
         return simulate(*arguments, duration=4.0, **options)  # type: ignore[arg-type]

@@ -57,6 +57,7 @@ def test_verdict_on_the_period() -> None:
     assert per_metre.verdict == "does not hold", "equal values do not rise"
 
 
+@pytest.mark.slow
 def test_the_differences_are_measured() -> None:
     run = published.simulate()
     by_name = {what: effect for what, _, _, effect in differences._ENTRIES}
@@ -216,6 +217,7 @@ def test_the_command_writes_the_study(worm3d, cheap: None, tmp_path: Path) -> No
     assert (folder / "notes.txt").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_an_animation_that_cannot_be_written_leaves_no_part(
     worm3d, cheap: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

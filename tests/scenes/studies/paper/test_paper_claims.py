@@ -13,6 +13,7 @@ def as_printed() -> Run:
     return published.simulate()
 
 
+@pytest.mark.slow
 def test_friction_propels_but_no_load_anchors(as_printed: Run) -> None:
     propels, anchors = claims._friction_claims(as_printed)
     assert propels.verdict == "holds"
@@ -21,6 +22,7 @@ def test_friction_propels_but_no_load_anchors(as_printed: Run) -> None:
     assert anchors.verdict == "holds", "a worm that moves no more than with equal coefficients is anchored otherwise"
 
 
+@pytest.mark.slow
 def test_the_wave_is_told_by_the_activation_not_by_the_motion(as_printed: Run) -> None:
     x = (np.arange(6) + 0.5) / 6
     retrograde = published.simulate(activation=lambda t: np.maximum(0.0, np.sin(2 * np.pi * (x + t / 2))))
@@ -33,6 +35,7 @@ def test_the_wave_is_told_by_the_activation_not_by_the_motion(as_printed: Run) -
     assert "index 0 is its head" in claims._wave_claim(backwards).evidence
 
 
+@pytest.mark.slow
 def test_the_mechanism_is_judged_with_both_signs(as_printed: Run) -> None:
     claim = claims._mechanism_claim(as_printed)
     assert claim.verdict == "holds only by the inverted sign"
