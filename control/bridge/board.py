@@ -19,6 +19,10 @@ NUMBERS = ("planned", "seen", "began", "arrived", "stop", "offset", "sessions", 
 HEAD = ("taken", "arrived", "flags", "mask", "round_trip")
 """First columns of a sample: instants since the begin of the run [s], flags, its parts as bits, and round trip [s]."""
 
+INSTANTS = 3
+"""Number of packets with samples for which there is room in each tick. Sensors with different delays send packets of
+their own. With half, a robot with two such sensors fills the memory, with double, a run of 10 minutes needs 0.3 GB."""
+
 
 class Board:
     """Arrays of a run of a number of ticks, in memory that can be passed to a new process.
@@ -27,8 +31,8 @@ class Board:
     ----------
     commands : ndarray, shape (ticks, 3 N - 1)
         Commands as rows: contractions and hinge angles.
-    sent : ndarray, shape (ticks, 2)
-        Lateness [s] and index in `STATES` of what was sent.
+    sent : ndarray, shape (ticks, 3)
+        Lateness [s] and index in `STATES` of what was sent, and the row of `commands` of a packet COMMAND.
     """
 
     def __init__(self, segments: int, ticks: int, memory: Any = None) -> None:
@@ -36,8 +40,8 @@ class Board:
         parts = sizes(-1, segments)
         ends = np.cumsum([len(HEAD), *parts.values()]).tolist()
         self._columns = {name: slice(*each) for name, *each in zip(PARTS, ends[:-1], ends[1:], strict=True)}
-        room = ticks + ticks // 4 + 1000  # a slow sensor may send packets of its own
-        shapes = ((ticks, sum(parts[name] for name in COMMANDED)), (ticks, 2), (room, ends[-1]), (len(NUMBERS),))
+        room = INSTANTS * ticks + 1000
+        shapes = ((ticks, sum(parts[name] for name in COMMANDED)), (ticks, 3), (room, ends[-1]), (len(NUMBERS),))
         counts = [int(np.prod(each)) for each in shapes]
         self._memory = RawArray("d", sum(counts)) if memory is None else memory
         pieces = np.split(np.frombuffer(self._memory), np.cumsum(counts)[:-1])
@@ -56,6 +60,11 @@ class Board:
 
     def __setitem__(self, name: str, value: float) -> None:
         self._numbers[NUMBERS.index(name)] = value
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no room for further samples."""
+        return int(self["seen"]) == len(self._samples)
 
     def store(self, packet: Packet, arrived: float, round_trip: float) -> None:
         """Append a sample that arrived at an instant [s], if the run has begun and there is room."""

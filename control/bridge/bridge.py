@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from control.bridge.board import Board
+from control.bridge.board import INSTANTS, Board
 from control.bridge.exchange import exchange
 from control.bridge.links import opened
 from control.bridge.packets import CHANNELS, Refusal
@@ -101,14 +101,17 @@ class Bridge:
     def __enter__(self) -> Self:
         self.process.start()
         until = time.monotonic() + self._connecting
-        while not math.isfinite(self.board["arrived"]):
-            if time.monotonic() > until or not self.process.is_alive():
-                self.__exit__()
-                raise NoRobotError(
-                    f"{self.address}: no robot has answered within {self._connecting:g} s; switch it on, and look at "
-                    f"the address and at its number of segments; packets refused: {self.refusals() or 'none'}"
-                )
-            time.sleep(self.period)
+        try:
+            while not math.isfinite(self.board["arrived"]):
+                if time.monotonic() > until or not self.process.is_alive():
+                    raise NoRobotError(
+                        f"{self.address}: no robot has answered within {self._connecting:g} s; switch it on, and look "
+                        f"at the address and at its number of segments; packets refused: {self.refusals() or 'none'}"
+                    )
+                time.sleep(self.period)
+        except BaseException:  # Ctrl-C as well
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -158,7 +161,9 @@ class Bridge:
 
     def trouble(self, give_up: float) -> str:
         """Return why a run cannot go on, as a sentence; empty if it can."""
-        if not self.process.is_alive():
+        if self.board.full:
+            return f"the robot has sent more than {INSTANTS} packets a tick, and there is no room for more samples"
+        if self.process.exitcode:
             return f"the process of the link has ended (exit code {self.process.exitcode}); the robot rests"
         if self.silent > give_up:
             return f"the robot has been silent for {give_up:g} s; look at its power, its cable and its program"
@@ -190,10 +195,13 @@ def drive(
     """
     bridge.begin()
     quiet, ticks = False, bridge.board.ticks
+    done = Ending("done", "the robot has run to the end", ticks)
     for k in range(ticks):
         while True:
             if not goes_on(k):
                 return Ending("interrupted", f"stopped at {k * bridge.period:g} s", k)
+            if bridge.process.exitcode == 0:  # the exchange has come to the end before a late controller
+                return done
             if trouble := bridge.trouble(give_up):
                 return Ending("diverged", trouble, k)
             if quiet != (bridge.silent > SILENCE):
@@ -208,4 +216,4 @@ def drive(
             _LOG.error("the controller failed", exc_info=error)
             return Ending("diverged", f"the controller failed: {type(error).__name__}: {error}", k)
     bridge.process.join(bridge.lead + 1.0)
-    return Ending("done", "the robot has run to the end", ticks)
+    return done

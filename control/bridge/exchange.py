@@ -36,6 +36,8 @@ class ControllerSide:
         self.board, self.link, self._period, self._hold, self._silence = board, link, period, hold, silence
         self.inbox = Inbox(board.segments, {Kind.SAMPLE: ()})
         self._calling, self._number = False, 0
+        self.row = 0
+        """Row of the board's commands of the latest packet COMMAND."""
         self.clock = ClockOffset()
 
     def take(self, data: bytes, now: float) -> None:
@@ -65,11 +67,14 @@ class ControllerSide:
         if row < 0 or math.isnan(board["began"]) or (k - row) * self._period > self._hold:
             self.send(Kind.REST)
             return "rest"
+        self.row = row
         self.send(Kind.COMMAND, board.commands[row])
         return "planned" if row == k else "held"
 
     def send(self, kind: Kind, command: FloatArray | None = None) -> None:
-        """Send a packet of a kind, with a row of the board's commands."""
+        """Send a packet of a kind, with a row of the board's commands. Before the first session, nothing is sent."""
+        if self.inbox.session < 0:
+            return
         values, n = {}, self.board.segments
         if command is not None:
             values = dict(zip(COMMANDED, np.split(command, [int(np.prod(shape("contraction", n)))]), strict=True))
@@ -92,6 +97,6 @@ def exchange(board: Board, address: str, period: float, hold: float, silence: fl
                     side.take(data, time.monotonic())
             state = side.tick(k, time.monotonic())
             if 0 <= k < board.ticks:
-                board.sent[k] = time.monotonic() - due, STATES.index(state)
+                board.sent[k] = time.monotonic() - due, STATES.index(state), side.row
         for _ in range(FAREWELLS):
             side.send(Kind.REST)

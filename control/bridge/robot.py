@@ -118,7 +118,7 @@ class RobotSide:
         """Return the new samples by instant. Without any, return no samples of this instant, as a sign of life."""
         found: dict[float, dict[str, Any]] = {}
         for name, (value, instant) in self.robot.sample().items():
-            if name in PARTS and value is not None and np.isfinite(value).all():
+            if name in PARTS and value is not None and np.isfinite(value).all() and 0.0 <= instant < math.inf:
                 found.setdefault(instant, {})[name] = value
         return found or {now: {}}
 

@@ -20,10 +20,9 @@ from scenes.models.worlds.build import world_of
 from scenes.models.worm.build import gait_of, start_of, worm_of
 from scenes.records import folder as folders
 from scenes.records.record import Record
-from scenes.records.store import export_csv, save
-from scenes.records.text import json_bytes
+from scenes.records.store import export_csv
 from scenes.running import drawing, terminal
-from scenes.running.runner import EXIT_CODES
+from scenes.running.runner import EXIT_CODES, keep
 from scenes.running.terminal import Interruption, busy, progress
 from worm3d.running.actuation import Controller
 
@@ -116,9 +115,7 @@ def _warm(controller: Driver, scene: Scene) -> None:
 
 def _write(record: Record, folder: Path) -> None:
     """Write the result, the summary, the tables for fits and for a replay, the figures and the page."""
-    save(record, folder / folders.RESULT)
-    drawing.clear_pictures(folder)
-    folders.write_bytes(folder / folders.SUMMARY, json_bytes(record.summary.to_dict()))
+    keep(record, folder)
     for name, table in records.tables(record).items():
         export_csv(table, folder / name)
     if len(record["time"]) > 1:

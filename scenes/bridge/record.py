@@ -123,11 +123,14 @@ def samples(board: Board) -> tuple[FloatArray, dict[str, FloatArray]]:
 
 
 def commanded(board: Board, ticks: int) -> FloatArray:
-    """Return the commands that were sent at the ticks, shape (K, 3 N - 1); 0 where the robot was told to rest."""
-    state, here = board.sent[:ticks, 1].astype(int), np.arange(ticks)
-    latest = np.maximum.accumulate(np.where(state == STATES.index("planned"), here, -1))
-    moving = (latest >= 0) & (state <= STATES.index("held"))
-    sent: FloatArray = np.where(moving[:, None], board.commands[latest], 0.0)
+    """Return the commands in force at the ticks, shape (K, 3 N - 1); 0 where the robot was told to rest.
+
+    At a tick without a packet, the packet before it is in force.
+    """
+    state, row = board.sent[:ticks, 1:].astype(int).T
+    latest = np.maximum.accumulate(np.where(state > 0, np.arange(ticks), 0))
+    moving = np.isin(state[latest], (STATES.index("planned"), STATES.index("held")))
+    sent: FloatArray = np.where(moving[:, None], board.commands[row[latest]], 0.0)
     return sent
 
 
@@ -175,7 +178,7 @@ def _metrics(
 
 def _link(bridge: Bridge, ticks: int) -> dict[str, Metric]:
     board = bridge.board
-    lateness, state = board.sent[:ticks].T
+    lateness, state, _ = board.sent[:ticks].T
     late = STATES.index("held"), STATES.index("rest")
     values = (
         float(np.mean((state > 0) & (lateness <= bridge.period))) if ticks else math.nan,

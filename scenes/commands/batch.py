@@ -24,6 +24,7 @@ from scenes.commands.arguments import (
     file_option,
     path_of,
 )
+from scenes.language.errors import SceneError
 
 batch = typer.Typer(rich_markup_mode=None)
 """Commands that `scenes.commands.app` adds to the program in addition to its own commands."""
@@ -128,6 +129,8 @@ def optimise(
     if front is not None:
         from scenes.studies.optimise.front import run
 
+        if (free, searches, workers, scheduler) != ("segments", 2, None, None):
+            raise SceneError("--front: got --free, --searches, --workers or --scheduler too, must be without them")
         given = goal, limit or (), over or (), front, budget, seed
         raise typer.Exit(run(scene, o or (), out, *given, force=force, quiet=quiet))
 

@@ -119,8 +119,7 @@ class Player:
         """Run until a value changes, or to the end of a part."""
         self._records, self._asked_to_record = self._asked_to_record, False
         self._run = None
-        if not self._records:
-            self.played.forget()
+        self.played.forget()
         run, anew = self._begun(), self._state is None
         self._run, self._state, self._next = run, None, None
         result = run.finish(live.follow(run), Observer(lambda run: live.goes_on(), run.every))
@@ -139,7 +138,7 @@ class Player:
     def _begun(self) -> Run:
         """Return the next part of the run: from the present state if possible, with the values if possible."""
         try:
-            run = Run(self._problem(self.scene, self._state), place_kept)
+            run = Run(self._problem(self.scene, self._turned()), place_kept)
         except (worm3d.StateError, worm3d.LimitPointError, ValueError) as error:
             self._says, state = in_keys(str(error), WORM_KEYS), self._state
             if self.scene is self._good and state is None:
@@ -177,12 +176,14 @@ class Player:
         self._state, self._grip = None, None
         self.played = self.scene.model.played(self.scene.settings)
 
-    def _turn(self) -> None:
-        """Let the worm turn with the ground. Contacts begin anew."""
-        assert self._state is not None
-        turn, state = slope_of(self.scene) * slope_of(self._good).inv(), self._state
+    def _turned(self) -> worm3d.State | None:
+        """Return the present state, turned with the ground if its slope has changed. Contacts then begin anew."""
+        state, world = self._state, self.scene.settings.world
+        if state is None or world == self._good.settings.world:
+            return state
+        turn = slope_of(self.scene) * slope_of(self._good).inv()
         moved = {name: getattr(state, name) @ turn.as_matrix().T for name in ("joints", "directors", "joint_velocity")}
-        self._state = state.with_changes(**moved)
+        return state.with_changes(**moved)
 
     def _keep(self, result: worm3d.Result) -> None:
         """Write a folder with the last part of the run, as `worm3d run` does."""
@@ -275,8 +276,6 @@ class Player:
         self.played.follow(scene.settings, run.time(run.done))
         self.scene, self._says = scene, ""
         sections = {name for name, section in scene.settings if section != getattr(before.settings, name)}
-        if "world" in sections:
-            self._next = self._turn
         return sections <= {"reference"}
 
     def _do_grab(self, run: Run, message: Mapping[str, Any]) -> bool:
@@ -316,9 +315,12 @@ class Player:
 
 
 def numbers(given: Any, count: int) -> FloatArray:
-    """Return numbers of a message, shape (count,). ValueError if they are others."""
-    found = np.array(given, dtype=float)
-    if found.shape != (count,) or not np.isfinite(found).all():
+    """Return numbers of a message, shape (count,), of sizes that a page can show. ValueError if they are others."""
+    try:
+        found = np.array(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        found = np.zeros(0)
+    if found.shape != (count,) or not (np.abs(found) < 1e30).all():
         raise ValueError(f"message: got {given!r:.60}, must be {count} numbers")
     return found
 

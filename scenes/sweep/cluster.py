@@ -107,7 +107,7 @@ class Remote:
             hint = f"'dask worker {self.address} --nthreads 1' starts one"
             flight = Flight(client, perform, stopped, hint)
             if flight.wait_for_workers():
-                _require_single(client.nthreads())
+                require_single(client.nthreads())
                 _require_folder(client, Path(jobs[0].path).parent)
                 yield from flight.run(jobs)
 
@@ -126,7 +126,7 @@ class Remote:
                 yield client
 
 
-def _require_single(threads: dict[str, int]) -> None:
+def require_single(threads: dict[str, int]) -> None:
     """Raise SceneError if a worker has several threads, since a process can run only one case at a time."""
     if many := sorted(address for address, number in threads.items() if number != 1):
         raise SceneError(

@@ -272,6 +272,14 @@ class TestRobotSide:
         assert (side.inbox.session, side.link.peer) == (6, "there")
         assert side.inbox.refused == {Refusal.SESSION: 3}
 
+    def test_samples_of_impossible_instants_are_left_out(self) -> None:
+        side = self.begun()
+        bad = {"strain": (np.zeros((N, 2)), math.nan), "com": (np.zeros(3), -1.0), "heading": (0.5, math.inf)}
+        side.robot.sample = lambda: bad | {"pressure": (np.zeros((N, 2)), 2.0)}
+        side.tick(3.0)
+        assert [*decoded(side.link.sent[-1], N).values] == ["pressure"]
+        assert len(side.link.sent) == 1
+
     def test_samples_say_when_they_were_taken_and_what_was_heard(self) -> None:
         side = self.begun()
         side.tick(1.02)
@@ -310,6 +318,34 @@ class TestControllerSide:
         assert side.board["sessions"] == 2
         assert self.kinds(side) == [Kind.BEGIN, Kind.BEGIN, Kind.REST, Kind.REST, Kind.BEGIN]
 
+    def test_it_says_nothing_before_the_first_session(self) -> None:
+        side = self.side()
+        side.send(Kind.REST)
+        assert side.link.sent == []
+
+    def test_it_tells_which_row_it_has_sent(self) -> None:
+        side = self.side()
+        side.tick(-1, 1.0)
+        self.answer(side, 1, 1.0)
+        side.board["began"] = 1.0
+        for k, planned, row in ((1, 1, 0), (2, 2, 1), (3, 4, 3)):
+            side.board["planned"] = planned
+            assert side.tick(k, 1.0 + 0.01 * k) == ("planned" if row == k else "held")
+            assert side.row == row
+
+    def test_there_is_room_for_a_packet_of_each_of_two_sensors(self) -> None:
+        """A controller does not become blind without a word: there is room, and the run ends if it is full."""
+        bridge = Bridge("udp://127.0.0.1:7", N, 4000)
+        board = bridge.board
+        board["began"] = board["offset"] = 0.0
+        for k in range(2 * 4000):
+            board.store(Packet(Kind.SAMPLE, 1, k, taken=0.005 * k), 0.005 * k, 0.0)
+        assert board["seen"] == 8000
+        board["arrived"] = time.monotonic()
+        assert bridge.trouble(10.0) == ""
+        board["seen"] = len(board._samples)
+        assert bridge.trouble(10.0).startswith("the robot has sent more than 3 packets a tick")
+
     def test_it_sends_what_was_planned_then_holds_then_rests(self) -> None:
         side = self.side()
         side.tick(-1, 1.0)
@@ -341,7 +377,7 @@ class TestControllerSide:
         assert_array_equal(side.board.values("com"), [[math.nan] * 3, [1.0, 2.0, 3.0]])
         for number in range(4, 3000):
             self.answer(side, number, 3.0)
-        assert side.board["seen"] == 1125, "no more room"
+        assert side.board["seen"] == 1300, "no more room"
 
 
 def test_a_robot_that_was_switched_off_and_on_is_called_again() -> None:
@@ -572,6 +608,26 @@ class TestDrive:
         with pytest.raises(NoRobotError, match=r"no robot has answered within 0.4 s; switch it on"):
             Bridge("udp://127.0.0.1:9", N, 10, connecting=0.4).__enter__()
         assert not multiprocessing.active_children()
+
+    def test_an_interrupted_call_leaves_no_process(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        bridge = Bridge("udp://127.0.0.1:9", N, 10)
+
+        def sleep(seconds: float) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("control.bridge.bridge.time.sleep", sleep)
+        with pytest.raises(KeyboardInterrupt), bridge:
+            pass
+        assert not bridge.process.is_alive()
+
+    def test_a_controller_that_is_late_at_the_end_has_run_to_the_end(self) -> None:
+        def step(t: float, measurement: Any) -> Command:
+            if round(100 * t) == 90:
+                time.sleep(0.6)
+            return growing(t, measurement)
+
+        with robot_at() as here, Bridge(f"udp://127.0.0.1:{here.port}", N, 100) as bridge:
+            assert drive(step, bridge, say=lambda text: None) == ("done", "the robot has run to the end", 100)
 
     def test_a_controller_that_fails_ends_the_run(self) -> None:
         def step(t: float, measurement: Any) -> Command:

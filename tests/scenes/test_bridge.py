@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from control.bridge.board import Board
 from control.bridge.bridge import Bridge, Ending
 from control.bridge.packets import RESTING, Kind, Packet
 from control.sensing.sensors import Measurement
@@ -84,7 +85,7 @@ def board_of(bridge: Any, scene: Any) -> None:
     l0 = 1.0 / 6.0
     for k in range(board.ticks):
         board.commands[k] = np.concatenate([found["command"][k].ravel(), found["hinge"][k]])
-        board.sent[k] = 0.001, 1 if k % 10 else 2
+        board.sent[k] = 0.001, 1 if k % 10 else 2, k if k % 10 else max(k - 1, 0)
         values = {"strain": found["chamber_length"][k] / l0 - 1.0}
         if k % 5 == 0:
             values |= {"com": found["com"][k], "heading": np.array(found["heading"][k])}
@@ -122,6 +123,14 @@ class TestRecord:
     def test_a_held_tick_has_the_command_before_it(self, kept: Any) -> None:
         assert_array_equal(kept["sent"][50], kept["sent"][49])
         assert np.any(kept["sent"][51] != kept["sent"][50])
+
+    def test_commands_are_recorded_as_they_were_sent(self) -> None:
+        """A controller that is late by less than a tick plans each command just after its tick, so all are held."""
+        board = Board(2, 6)
+        board.commands[:] = np.arange(1.0, 7.0)[:, None]
+        board.sent[:, 1] = [3, 2, 2, 3, 0, 1]  # rest, held, held, rest, not sent, planned
+        board.sent[:, 2] = [0, 0, 1, 0, 0, 5]
+        assert_array_equal(record.commanded(board, 6)[:, 0], [0.0, 1.0, 2.0, 0.0, 0.0, 6.0])
 
     def test_the_summary_says_how_the_link_was(self, kept: Any) -> None:
         summary = kept.summary

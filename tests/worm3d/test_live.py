@@ -127,6 +127,30 @@ def test_a_run_goes_on_when_its_view_dies() -> None:
     assert result.status is worm3d.Status.DONE
 
 
+def test_a_held_run_goes_on_when_its_view_dies() -> None:
+    """Also if there is nothing to send, so that no transmission fails."""
+    with worm3d.Live(began=lambda url: None) as live:
+        late = time.monotonic() + 20.0
+        live.goes_on = lambda: time.monotonic() < late
+
+        def ask() -> None:
+            assert live._view is not None
+            live._view._server.heard.put({"do": "hold"})
+            time.sleep(0.5)
+            live._view._server._process.kill()
+
+        asks = threading.Thread(target=ask)
+
+        def look(t: float, view: worm3d.View) -> None:
+            if t == 0.0:
+                asks.start()
+
+        with pytest.warns(RuntimeWarning, match="the run goes on unseen"):
+            result = crawl(live=live, observer=look)
+        asks.join()
+    assert result.status is worm3d.Status.DONE
+
+
 def test_a_speed_that_is_none_is_named() -> None:
     with pytest.raises(ValueError, match=r"speed: got 0, must be above 0 \(simulated over real time\)"):
         worm3d.Live(speed=0)

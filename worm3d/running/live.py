@@ -126,6 +126,7 @@ class Live(Spelled):
         self._shown = self._drawn = -np.inf
         self._steps = self._heard = 0
         self._told: dict[str, Any] = {}
+        self._keys: list[str] = []
 
     def follow(self, run: Run) -> Observer:
         """Show the start of a run, and return an observer that shows the progress."""
@@ -151,9 +152,11 @@ class Live(Spelled):
             weight = now.worm.mass * float(np.linalg.norm(run.plant.gravity))
             scales = Scales(strain=max(now.worm.stroke[1], 0.05), force=rounded_up(max(0.5 * weight, 1e-9)))
             self._view = LiveView(scales=scales, title=self.title)
-        if opens or run.plant.world != self._world or now.time[0] < self._shown:
-            self._view.begin(None if player is None else player.controls())
-            self._world = run.plant.world
+        controls = None if player is None else player.controls()
+        keys = [each["key"] for each in controls["keys"]] if controls else []
+        if opens or run.plant.world != self._world or now.time[0] < self._shown or keys != self._keys:
+            self._view.begin(controls)
+            self._world, self._keys = run.plant.world, keys
             self._energy, self._way = np.zeros(2), deque[tuple[float, FloatArray]]()
             self._surround(now)
         self._row, self._shown, self._told = run.done // run.every, float(now.time[0]), {}

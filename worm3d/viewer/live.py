@@ -32,6 +32,9 @@ STARTUP = 60.0
 With half this value, the view might fail on a busy machine. With double, the user would wait longer for a server that
 has failed."""
 
+STOPPED = "live view: the server has stopped: open a new view"
+"""Message of an error."""
+
 _LOG = logging.getLogger(__name__)
 
 SERVER = Path(__file__).with_name("server.py")
@@ -109,13 +112,21 @@ class LiveView:
         self._send(STATE, json.dumps(state).encode())
 
     def heard(self, timeout: float = 0.0) -> list[dict[str, Any]]:
-        """Return the messages of browsers since the last call. Wait at most `timeout` for the first of them [s]."""
+        """Return the messages of browsers since the last call. Wait at most `timeout` for the first of them [s].
+
+        Raises
+        ------
+        ConnectionError
+            There is no message, and the server has stopped.
+        """
         found: list[dict[str, Any]] = []
         try:
             found.append(self._server.heard.get(timeout > 0.0, timeout))
             while True:
                 found.append(self._server.heard.get_nowait())
         except queue.Empty:
+            if not found:
+                self._server.require_running()
             return found
 
     @property
@@ -177,7 +188,12 @@ class Server:
             self._process.stdin.write(HEADER.pack(kind, len(content)) + content)
             self._process.stdin.flush()
         except (OSError, ValueError) as error:
-            raise ConnectionError("live view: the server has stopped: open a new view") from error
+            raise ConnectionError(STOPPED) from error
+
+    def require_running(self) -> None:
+        """Raise ConnectionError if the server has stopped."""
+        if self._process.poll() is not None:
+            raise ConnectionError(STOPPED)
 
     def _read(self) -> None:
         """Read all output of the server, because the server would block if nobody read its output."""

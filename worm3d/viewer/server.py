@@ -202,7 +202,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process, which then ends this one
     room, loop = Room(), IOLoop.current()
     routes = [(r"/([^/]+)/", Page, {"room": room}), (r"/([^/]+)/socket", Browser, {"room": room})]
-    server = HTTPServer(Application(routes, websocket_max_message_size=LONGEST_MESSAGE))
+    application = Application(routes, websocket_max_message_size=LONGEST_MESSAGE)
+    server = HTTPServer(application, max_body_size=LONGEST_MESSAGE)
     sockets = bind_sockets(0, "127.0.0.1")
     room.port = sockets[0].getsockname()[1]
     server.add_sockets(sockets)

@@ -13,7 +13,7 @@ import worm3d
 from control.faults.injected import Faulty
 from control.loop import Driver
 from control.sensing.sensors import Measurement
-from control.tracking.references import Constant
+from control.tracking.references import Constant, Reference
 from scenes.models.base import Played
 from scenes.models.control.build import controller_of, faults_of, sensors_of
 from scenes.models.control.reference import HEADING_KIND, reference_of
@@ -93,17 +93,17 @@ class ControlPlay(Played):
     def follow(self, scene: ControlScene, time: float) -> None:
         """Take over the reference of a changed scene. The controller is not told of other changes."""
         if scene.reference != self._scene.reference:
-            self._reference = reference_of(scene)
-            self._lead()
+            self._lead(reference_of(scene), self._heading)
         self._scene = scene
 
-    def _lead(self) -> None:
-        """Let the controller follow the reference, or the heading that keys have set."""
-        wanted = self._reference
-        if math.isfinite(self._heading):
+    def _lead(self, reference: Reference, heading: float) -> None:
+        """Let the controller follow a reference, or the heading that keys have set. ValueError if it refuses."""
+        wanted = reference
+        if math.isfinite(heading):
             free: dict[str, Any] = {"path": None, "ends": False, "corridor": math.inf, "obstacles": ()}
-            wanted = replace(wanted, heading=Constant(self._heading), **free)
+            wanted = replace(wanted, heading=Constant(heading), **free)
         self.driver.controller.lead(wanted)
+        self._reference, self._heading = reference, heading
 
     def steer(self, left: float, up: float, heading: float) -> dict[str, float]:
         """Turn away from the path, and return the changed speed or heading of the reference."""
@@ -113,8 +113,7 @@ class ControlPlay(Played):
             changed["reference.heading_deg"] = round(asked.heading_deg + math.degrees(TURN_STEP) * left, 9)
         elif not self._reference.walled and (left or not up):
             before = self._heading if math.isfinite(self._heading) else heading
-            self._heading = before + TURN_STEP * left if left else math.nan
-            self._lead()
+            self._lead(self._reference, before + TURN_STEP * left if left else math.nan)
         return changed
 
     def state(self) -> str:

@@ -16,10 +16,13 @@ values, a user presses ten times for an effect that is seen. With double, the wo
 
 
 class Once:
-    """A controller or a sensor that goes on over several runs: it is reset only at the start of the first."""
+    """A controller or a sensor that goes on over several runs: it is reset only at the start of the first.
 
-    def __init__(self, part: Any) -> None:
-        self._part, self._begun = part, False
+    The time that a controller is told is later than the time of the run by `shift` [s].
+    """
+
+    def __init__(self, part: Any, shift: float = 0.0) -> None:
+        self._part, self._shift, self._begun = part, shift, False
         if hasattr(part, "period"):
             self.period = part.period
 
@@ -31,7 +34,7 @@ class Once:
 
     def step(self, t: float, measurement: Any) -> worm3d.Command:
         """Return the command from time t [s] on."""
-        command: worm3d.Command = self._part.step(t, measurement)
+        command: worm3d.Command = self._part.step(t + self._shift, measurement)
         return command
 
     def __call__(self, observation: Any) -> Any:
@@ -52,7 +55,7 @@ class Going:
         given = self.gait.bind(worm)
         if not hasattr(given, "step"):
             return lambda t: given(t + self.shift)
-        self._bound = self._bound or Once(given)
+        self._bound = self._bound or Once(given, self.shift)
         return self._bound
 
     def followed_by(self, gait: Any, time: float) -> Going:

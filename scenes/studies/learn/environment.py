@@ -235,24 +235,20 @@ class WormVectorEnv(VectorEnv[Seen, Seen, Any]):
             seed = [seed + k for k in range(self.num_envs)]
         seeds = [None] * self.num_envs if seed is None else seed
         self._random = [np.random.default_rng(each) for each in seeds]
-        self._episodes = list(self._pool.map(self._worm.episode, self._random))
+        self._episodes = [self._worm.episode(each) for each in self._random]  # CasADi, which worms need, has no threads
         return self._observed(), {}
 
     def step(self, actions: Seen) -> tuple[Seen, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Info]:
         """Crawl for a control period. For worms whose episode ends, `info` has "final_obs" and "final_info"."""
-        found = list(self._pool.map(self._stepped, range(self.num_envs), actions))
+        found = list(self._pool.map(Episode.crawl, self._episodes, actions))
         rewards, terminated, truncated, facts = zip(*found, strict=True)
         info: Info = {}
         for k, each in enumerate(facts):
+            if terminated[k] or truncated[k]:
+                each = {"final_obs": self._episodes[k].observed().astype(np.float32), "final_info": each}
+                self._episodes[k] = self._worm.episode(self._random[k])
             info = self._add_info(info, each, k)
         return self._observed(), np.array(rewards), np.array(terminated), np.array(truncated), info
-
-    def _stepped(self, k: int, action: Seen) -> tuple[float, bool, bool, Info]:
-        reward, terminated, truncated, facts = self._episodes[k].crawl(action)
-        if terminated or truncated:
-            facts = {"final_obs": self._episodes[k].observed().astype(np.float32), "final_info": facts}
-            self._episodes[k] = self._worm.episode(self._random[k])
-        return reward, terminated, truncated, facts
 
     def _observed(self) -> Seen:
         return np.array([episode.observed() for episode in self._episodes], dtype=np.float32)

@@ -245,7 +245,8 @@ class Trials:
             return Score(FAILED, math.nan, max(reasons))
         if self.goal.robust:
             least = UNREACHED * abs(self.own[0])
-            values = tuple(value / max(own, least) for value, own in zip(values, self.own, strict=True))
+            # `least` comes first, so that it also replaces an own value that is NaN
+            values = tuple(value / max(least, own) for value, own in zip(values, self.own, strict=True))
         value = max(values) if self.goal.smallest else min(values)
         violation = max(self.goal.violation(each) for each in ended)
         broken = min(BROKEN + violation, FAILED) if violation else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 import worm3d
 from control.gaits import TravellingWave
 from scenes.language.errors import SceneError
+from scenes.models.control.play import ControlPlay
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import gravity_of
 from scenes.models.worm.play import Going
 from scenes.records.store import load
 from scenes.running import playing
-from scenes.running.playing import Player, changed, control, sliders
+from scenes.running.playing import Player, changed, control, sliders, slope_of
+from scenes.running.runner import simulate
 from worm3d.running.run import Observer, Run
 
 Message = Mapping[str, Any]
@@ -37,10 +40,10 @@ class Page:
             now = run.time(run.done)
             self.run = run
             self.seen.append((now, run.recorded_now().joints[0].copy()))
+            answers = []
             while self.script and self.script[0][0] <= now + 1e-9:
-                if not self.player.answer(run, self.script.pop(0)[1]):
-                    return False
-            return True
+                answers.append(self.player.answer(run, self.script.pop(0)[1]))
+            return all(answers)
 
         return Observer(look, 1)
 
@@ -89,6 +92,24 @@ def test_a_gait_goes_on_with_its_phase_when_its_period_changes() -> None:
     assert_allclose(again(5.0).contraction, new(5.0).contraction, atol=1e-12)
 
 
+def test_a_gait_with_senses_goes_on_with_its_phase_too() -> None:
+    class Sensing(SimpleNamespace):
+        bind = lambda self, worm: SimpleNamespace(step=lambda t, measurement: t / self.period)  # noqa: E731
+
+    after = Going(Sensing(period=2.0)).followed_by(Sensing(period=0.7), 3.3)
+    assert after.bind(worm3d.Worm()).step(3.3, None) == pytest.approx(3.3 / 2.0)  # type: ignore[union-attr, arg-type]
+
+
+def test_a_record_has_the_phase_of_its_own_time(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is a part of the run that nobody records, whose first steps do not belong to the record."""
+    monkeypatch.chdir(tmp_path)
+    played("path_line", [(0.3, {"do": "record"}), (0.7, {"do": "record"})], 2)
+    (folder,) = (tmp_path / "runs").iterdir()
+    whole = simulate(load_scene("path_line", ["run.duration_s=0.7", "run.record_every=1"]))
+    assert whole["waves"][-1] > whole["waves"][30] > 0.0
+    assert_allclose(load(folder / "result.nc")["waves"], whole["waves"][30:], atol=1e-12)
+
+
 def test_a_mass_changes_while_the_worm_moves() -> None:
     page = played("flat", [(0.3, set_to("worm.mass_kg", 0.15))], 4)
     assert page.player.scene.settings.worm.mass_kg == 0.15
@@ -110,6 +131,36 @@ def test_the_worm_turns_with_the_slope_about_the_origin() -> None:
     assert page.seen[-1][0] > 0.8
     height = page.seen[-1][1] @ [-np.sin(angle), 0.0, np.cos(angle)]
     assert (height > 0.0).all(), "it still lies on the ground"
+
+
+def test_the_worm_is_not_turned_if_a_value_of_the_same_moment_is_refused() -> None:
+    page = played("flat", [(0.4, set_to("world.slope_deg", 6.0)), (0.4, set_to("worm.mass_kg", 50.0))], 2)
+    before, after = joints_at(page, 0.4)
+    assert page.player.state()["says"].endswith("; the value before is kept")
+    assert slope_of(page.player.scene).magnitude() == 0.0
+    assert_array_equal(after, before)
+
+
+def test_a_reset_counts_also_if_the_slope_changes_after_it() -> None:
+    page = played("flat", [(0.4, {"do": "reset"}), (0.4, set_to("world.slope_deg", 6.0))], 2)
+    assert [t for t, _ in page.seen].count(0.0) == 2
+    assert slope_of(page.player.scene).magnitude() == pytest.approx(np.radians(6.0))
+
+
+def test_a_reference_that_the_controller_refuses_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    play = Player(load_scene("path_line")).played
+    assert isinstance(play, ControlPlay)
+
+    def refuse(reference: Any) -> None:
+        raise ValueError("no way is left")
+
+    monkeypatch.setattr(play.driver.controller, "lead", refuse)
+    with pytest.raises(ValueError, match="no way is left"):
+        play.follow(load_scene("path_line", ["reference.speed_m_s=0.02"]).settings, 0.0)
+    assert play.wanted(0.0) == load_scene("path_line").settings.reference.speed_m_s
+    with pytest.raises(ValueError, match="no way is left"):
+        play.steer(1.0, 0.0, 0.3)
+    assert play.state() == ""
 
 
 def test_a_value_that_the_worm_cannot_have_is_not_taken() -> None:
@@ -138,6 +189,10 @@ def test_a_value_that_the_worm_cannot_have_is_not_taken() -> None:
         {"do": "grab", "value": ["a", 0, 0]},
         {"do": "pull", "value": [float("inf"), 0, 0]},
         {"do": "steer", "value": None},
+        {"do": "steer", "value": {"left": 1}},
+        {"do": "set", "key": "friction.forward", "value": {}},
+        {"do": "set", "key": "friction.forward", "value": 10**400},
+        {"do": "set", "key": "gait.kind", "value": {}},
     ],
 )
 def test_other_messages_change_nothing(message: Message) -> None:
@@ -180,6 +235,29 @@ def test_another_gait_takes_over_with_its_own_defaults() -> None:
     page = played("flat", [(0.2, set_to("gait.kind", "inchworm"))], 2)
     gait = page.player.scene.settings.gait
     assert (gait.kind, gait.period_s) == ("inchworm", 2.0)
+
+
+def test_the_page_gets_the_controls_of_another_gait(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[Any] = []
+
+    class View:
+        url, waits = "", False
+        __init__ = show = surround = tell = close = lambda self, *_, **__: None
+        begin = lambda self, controls: begun.append([each["key"] for each in controls["keys"]])  # noqa: E731
+        heard = lambda self, timeout: []  # noqa: E731
+
+    monkeypatch.setattr("worm3d.running.live.LiveView", View)
+    player = Player(load_scene("flat"))
+    with worm3d.Live(speed=1e6, began=lambda url: None) as live:
+        live.player = player
+        for key, value in (("friction.forward", 0.05), ("gait.kind", "inchworm"), ("friction.forward", 0.06)):
+            player.leg(live)
+            assert player._run is not None
+            player.answer(player._run, set_to(key, value))
+        player.leg(live)
+    assert begun[-1] == [*sliders(player.scene)]
+    assert begun[0] != begun[-1]
+    assert len(begun) == 2
 
 
 def test_reset_begins_anew_with_the_present_values() -> None:

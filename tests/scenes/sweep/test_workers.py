@@ -304,11 +304,11 @@ def test_where_nobody_answers_it_says_so(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_workers_of_several_threads_are_refused() -> None:
-    cluster._require_single({"tcp://127.0.0.1:1": 1})
+    cluster.require_single({"tcp://127.0.0.1:1": 1})
     with pytest.raises(
         SceneError, match=r"at tcp://127\.0\.0\.1:2 has 4 threads, must have 1: .* --nthreads 1 --nworkers 4"
     ):
-        cluster._require_single({"tcp://127.0.0.1:1": 1, "tcp://127.0.0.1:2": 4})
+        cluster.require_single({"tcp://127.0.0.1:1": 1, "tcp://127.0.0.1:2": 4})
 
 
 def test_a_folder_is_seen_where_a_file_of_the_driver_is(tmp_path: Path) -> None:

@@ -185,6 +185,13 @@ def test_imports_are_cheap(module: str) -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_a_large_request_is_refused_before_it_is_read(window: LiveView) -> None:
+    host, port = window.url.split("/")[2].split(":")
+    with socket.create_connection((host, int(port)), timeout=10) as connection:
+        connection.sendall(f"POST / HTTP/1.1\r\nHost: {host}:{port}\r\nContent-Length: 10000000\r\n\r\n".encode())
+        assert b"400" in connection.recv(4096).splitlines()[0]
+
+
 @pytest.mark.parametrize("token", ["", "static", "%00", "x" * 32, "%2e%2e/%2e%2e"])
 def test_without_the_token_nothing_is_served(window: LiveView, token: str) -> None:
     """Neither the page nor a connection, also with a part of the token."""

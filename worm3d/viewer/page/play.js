@@ -38,6 +38,7 @@
         rows = [];
         rings = [];
         ring_time = [];
+        drawn = 0;
         fresh = false;
         scene = found;
         fields = found.fields;

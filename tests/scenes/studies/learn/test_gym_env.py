@@ -1,5 +1,8 @@
 """The environments for agents pass Gymnasium's own checker, and reward what they say."""
 
+import threading
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -12,6 +15,7 @@ from gymnasium.utils.env_checker import check_env
 from control.sensing.sensors import Measurement, Sensors
 from scenes.gym_env import WormEnv, WormVectorEnv
 from scenes.language.errors import SceneError
+from scenes.studies.learn import environment
 from scenes.studies.learn.named import NAMED
 from worm3d import Observation
 
@@ -204,6 +208,24 @@ def test_many_worms_are_those_of_single_environments_whatever_the_threads() -> N
         assert_array_equal(single.step(actions[0][k])[0], _stepped(7 + k, actions[0][k]))
     for env in many:
         env.close()
+
+
+def test_worms_are_made_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CasADi, which worms need, has no threads."""
+    made, make = [], environment._Worm.episode
+
+    def episode(worm: Any, random: np.random.Generator) -> Any:
+        made.append(threading.get_ident())
+        return make(worm, random)
+
+    monkeypatch.setattr(environment._Worm, "episode", episode)
+    envs = WormVectorEnv(2, "path_circle", ("run.duration_s=0.4",), threads=2)
+    envs.reset(seed=1)
+    for _ in range(2):
+        *_, over, _ = envs.step(np.zeros((2, 2), dtype=np.float32))
+    envs.close()
+    assert over.all()
+    assert made == [threading.get_ident()] * 5
 
 
 def _stepped(seed: int, action: np.ndarray) -> np.ndarray:

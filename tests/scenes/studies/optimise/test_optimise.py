@@ -8,6 +8,7 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,9 +25,9 @@ from scenes.studies.optimise.card import CONDITIONS, HALF, PERIOD, WEAK, Card, L
 from scenes.studies.optimise.goals import BROKEN, FAILED, GOALS, Guarded, goal_of, limit_of
 from scenes.studies.optimise.optimising import trials_of
 from scenes.studies.optimise.search import Best, Found, Log, search
-from scenes.studies.optimise.trials import GROUNDS, SURE_WAVES, WAVES, Score, Trials
+from scenes.studies.optimise.trials import GROUNDS, SURE_WAVES, UNREACHED, WAVES, Score, Trials
 from scenes.studies.optimise.unknowns import PHASE_UNIT, Choice, Space, free_of
-from scenes.studies.optimise.workers import Asked, scores_by
+from scenes.studies.optimise.workers import Asked, require_worker, scores_by
 from scenes.sweep.engine import chosen
 from worm3d.measures import Measure
 
@@ -128,6 +129,17 @@ def test_workers_compute_the_same_scores() -> None:
         assert of(choices) == trials.scores(choices)
 
 
+def test_a_scheduler_needs_workers_with_one_thread_each() -> None:
+    def wait(count: int, timeout: float) -> None:
+        raise TimeoutError
+
+    with pytest.raises(SceneError, match="has had no worker for 600 s; 'dask worker ADDRESS"):
+        require_worker(SimpleNamespace(wait_for_workers=wait))  # type: ignore[arg-type]
+    many = SimpleNamespace(wait_for_workers=lambda count, timeout: None, nthreads=lambda: {"tcp://127.0.0.1:2": 4})
+    with pytest.raises(SceneError, match="has 4 threads, must have 1"):
+        require_worker(many)  # type: ignore[arg-type]
+
+
 def test_limits_and_goals_are_explained() -> None:
     limit = limit_of("roll_max_deg <= 5")
     assert (limit.measure, limit.greatest, limit.bound) == ("roll_max_deg", True, 5.0)
@@ -178,6 +190,14 @@ def test_the_robust_value_is_the_worst_ratio_to_the_own_gait() -> None:
         ratios.append(run.summary()["speed_bl_s"] / plain.summary()["speed_bl_s"])
     (score,) = trials.scores([Choice(gait)])
     assert score.value == pytest.approx(min(ratios), rel=0.05)
+
+
+def test_a_ground_where_the_own_gait_has_no_value_counts_too() -> None:
+    goal = replace(goal_of("robust"), measure=Measure("own_m", "own", lambda result: result.own), limits=())
+    trials = Trials("flat", (), goal)
+    trials.__dict__["own"] = (0.1, math.nan, 0.1)
+    runs = [SimpleNamespace(status=w.Status.DONE, own=value) for value in (0.1, -0.05, 0.1)]
+    assert trials._score(runs).value == pytest.approx(-0.05 / (UNREACHED * 0.1))  # type: ignore[arg-type]
 
 
 def test_a_run_that_cannot_begin_or_end_is_a_failed_candidate_only() -> None:
@@ -371,6 +391,7 @@ def test_two_searches_in_python_give_the_better_gait_and_its_card() -> None:
         (("flat", "--goal", "climb", "--free", "legs"), "free: got 'legs', must be one of segments, waves"),
         (("flat", "--goal", "no_module:measure"), "--goal: "),
         (("flat", "--over", "worm.colour=1:2"), "worm.colour"),
+        (("flat", "--front", "0.05", "--workers", 2), "--front: got --free, --searches, --workers or --scheduler too"),
     ],
 )
 @pytest.mark.usefixtures("_cma")
