@@ -183,8 +183,8 @@ class Card:
         yield Heading("What is left under other conditions")
         yield Table.of(LEFT_COLUMNS, rows)
         yield (
-            "The shares kept are in percent. Values are those of the goal in a wave, of a run of six waves. There is no"
-            " row for noise of sensors, since the gait uses none."
+            'The column "kept" is in percent of the value as searched. The values in a wave are from runs of six waves, '
+            "with the goal as the measure. There is no row for noise of sensors, since the gait uses no sensors."
         )
         if (result := self.confirmed) is not None:
             yield Heading("Where the work goes")
@@ -196,7 +196,10 @@ class Card:
         yield Items([self.confirmation(rows[0]), *self.verdict_sentences(rows)])
 
     def verdict_sentences(self, rows: Sequence[Left]) -> Iterator[str]:
-        """Yield a sentence for each reason to doubt the gait, or one that there is none. A run that ends early tips."""
+        """Yield a sentence for each reason to doubt the gait, or a sentence if there is no reason.
+
+        A run that ends early counts as tipping over.
+        """
         by_name = {row.name: row for row in rows}
         found = list[str]()
         if by_name[PERIOD].kept < GLIDES:
