@@ -122,7 +122,7 @@ def optimise(
     """Search for the best gait of the worm in a scene.
 
     Writes gait.toml, a card (card.md, card.html) that says how much is gained and how much is left under other
-    conditions, and the folder best with a run and its film. Amplitude and period are those of the scene. If the command
+    conditions, and the folder best with a run and a film. Amplitude and period are taken from the scene. If the command
     is stopped, the same command with the same --out goes on.
     """
     if front is not None:

@@ -16,7 +16,7 @@ values, a user presses ten times for an effect that is seen. With double, the wo
 
 
 class Once:
-    """A controller or a sensor that goes on over several runs: it is reset only at the start of the first."""
+    """A controller or a sensor that goes on over several runs, with a reset only at the start of the first run."""
 
     def __init__(self, part: Any) -> None:
         self._part, self._begun = part, False
@@ -24,7 +24,7 @@ class Once:
             self.period = part.period
 
     def reset(self) -> None:
-        """Reset the part if it was not in use before."""
+        """Reset a part that was not in use before."""
         if not self._begun:
             getattr(self._part, "reset", lambda: None)()
         self._begun = True
@@ -40,7 +40,7 @@ class Once:
 
 
 class Going:
-    """A gait whose time is shifted, so that its phase goes on when its period changes."""
+    """A gait with shifted time, so that a new period does not make the phase jump."""
 
     def __init__(self, gait: Any, shift: float = 0.0) -> None:
         self.gait, self.shift = gait, shift
@@ -64,7 +64,7 @@ class Going:
 
 
 class GaitPlay(Played):
-    """The gait of a scene, which arrow keys steer by its own parameters."""
+    """The gait of a scene. Arrow keys steer by parameters of the gait."""
 
     steers = "Arrow keys: left and right turn, up and down change the period."
 
@@ -77,7 +77,7 @@ class GaitPlay(Played):
         return None if sensor is None else Once(sensor)
 
     def drive(self) -> tuple[Any, Any]:
-        """Return the gait and its sensor."""
+        """Return the gait and the sensor."""
         return self._gait, self._sensor
 
     def follow(self, scene: GaitScene, time: float) -> None:

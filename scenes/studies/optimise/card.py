@@ -183,8 +183,8 @@ class Card:
         yield Heading("What is left under other conditions")
         yield Table.of(LEFT_COLUMNS, rows)
         yield (
-            'The column "kept" is in percent of the value as searched. The values in a wave are from runs of six waves, '
-            "with the goal as the measure. There is no row for noise of sensors, since the gait uses no sensors."
+            'The column "kept" is in percent of the value as searched. The values in a wave are from runs of six waves,'
+            " with the goal as the measure. There is no row for noise of sensors, since the gait uses no sensors."
         )
         if (result := self.confirmed) is not None:
             yield Heading("Where the work goes")
