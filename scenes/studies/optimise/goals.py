@@ -105,7 +105,7 @@ TIME_LIMIT = 10.0
 
 @dataclass(frozen=True)
 class Guarded(Measure):
-    """A user's own measure, of which errors, values that are no finite numbers, and endless loops are reasons."""
+    """A user's own measure. Errors, values that are not finite numbers, and endless loops give a reason, no value."""
 
     own: Measure = field(default_factory=Measure)
 
