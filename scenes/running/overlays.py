@@ -34,7 +34,7 @@ Curves = dict[str, tuple[FloatArray, FloatArray]]
 MOST_ROWS = 12
 """Largest number of panels in a figure."""
 LEAST_RANGE = 1e-11
-"""Smallest range of a vertical axis, in the axis's unit. Smaller variations are rounding errors for all drawn quantities."""
+"""Smallest range of a vertical axis, in the axis's unit. Smaller variations are rounding errors."""
 DRAWN_ENERGIES = (
     "work_contract",
     "work_external",
