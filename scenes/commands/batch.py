@@ -210,10 +210,10 @@ def learn(
 ) -> None:
     """Train a controller by reinforcement learning (PPO).
 
-    SCENE can also be an environment by name, such as worm3d/Slope-v0. Trains on many worms at once. Each episode has the
-    duration of the scene, and random values of the keys in --vary. Prints the mean reward during the training. Needs
-    the optional part 'learn'; the trained policy needs only numpy (see .docs/guides/learn.md for use). Ctrl-C ends the
-    training early, and keeps the trained policy.
+    SCENE can also be an environment by name, such as worm3d/Slope-v0. Trains on many worms at once. Each episode has
+    the duration of the scene, and random values of the keys in --vary. Prints the mean reward during the training.
+    Needs the optional part 'learn'; the trained policy needs only numpy (see .docs/guides/learn.md for use). Ctrl-C
+    ends the training early, and keeps the trained policy.
     """
     from scenes.studies.learn.command import run
     from scenes.studies.learn.task import Task
