@@ -160,7 +160,7 @@ GOALS: Mapping[str, Goal] = MappingProxyType(
             Goal("speed", "speed towards the initial heading", MEASURES["speed_bl_s"], is_rate=True, limits=(ROLL,)),
             Goal(
                 "cost",
-                "cost of transport at a least speed",
+                "cost of transport at a minimum speed",
                 MEASURES["cost_of_transport"],
                 smallest=True,
                 limits=(ROLL, Limit("speed_bl_s", False, LEAST_SPEED)),
