@@ -126,6 +126,11 @@ class Bridge:
         """Time since the latest sample [s]."""
         return time.monotonic() - self.board["arrived"]
 
+    @property
+    def over(self) -> bool:
+        """Whether the last tick has passed. A late controller still has steps then."""
+        return time.monotonic() > self.board["began"] + self.board.ticks * self.period
+
     def behind(self, k: int) -> float:
         """Return the time since the step for tick k was due, below 0 before [s]."""
         return time.monotonic() - (self.board["began"] + k * self.period - self.lead)
@@ -158,7 +163,7 @@ class Bridge:
 
     def trouble(self, give_up: float) -> str:
         """Return why a run cannot go on, as a sentence; empty without trouble."""
-        if not self.process.is_alive():
+        if self.process.exitcode:  # 0 after the last tick
             return f"the process of the link has ended (exit code {self.process.exitcode}); the robot rests"
         if self.silent > give_up:
             return f"the robot has been silent for {give_up:g} s; look at its power, its cable and its program"
@@ -196,7 +201,7 @@ def drive(
     bridge.begin()
     quiet, ticks = False, bridge.board.ticks
     for k in range(ticks):
-        while True:
+        while not bridge.over:
             if not goes_on(k):
                 return Ending("interrupted", f"stopped at {k * bridge.period:g} s", k)
             if trouble := bridge.trouble(give_up):
@@ -207,6 +212,8 @@ def drive(
             if (late := bridge.behind(k)) >= 0.0:
                 break
             time.sleep(min(-late, bridge.period))
+        else:
+            break
         try:
             bridge.plan(k, step(k * bridge.period, bridge.measurement(k)))
         except EXCEPTIONS as error:  # of the user's code
