@@ -122,7 +122,7 @@ class Estimates(Protocol):
 
 
 class Driver(ABC):
-    """Base class of all controllers in scenes: it records decisions, checks measurements and looks for faults.
+    """Base class of all controllers in scenes, which records decisions, checks measurements and looks for faults.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class Driver(ABC):
         self._due, self._spent = -inf, 0.0
 
     def lead(self, reference: Reference) -> None:
-        """Follow another reference from now on. ValueError if its obstacles leave no way."""
+        """Follow another reference from now on. ValueError if the obstacles leave no way."""
         body = Body.of(self.worm)
         self.guide = Guide(led(reference, body), body)
         self.reference = self.watch.reference = self.guide.reference
@@ -297,7 +297,7 @@ class WaveController(Driver):
         return command
 
     def _steer_as_held(self) -> None:
-        """Use the steering for the segment that is held still, if there is one segment and its steering is known.
+        """Use the steering for the segment that is held still, if there is one such segment with known steering.
 
         Otherwise the whole worm steers.
         """
@@ -366,7 +366,7 @@ class WaveController(Driver):
     def _heading_is_known(self, estimate: Estimate) -> bool:
         """Return whether the heading can be used from now on.
 
-        It can be used when it is known, or when the first `LONGEST_START` waves have passed.
+        The heading can be used when known, or after the first `LONGEST_START` waves.
         """
         self._heading_known |= _sure(estimate) or self.generator.waves - self._began >= LONGEST_START
         return self._heading_known
@@ -414,6 +414,6 @@ def rest(in_force: GaitParameters) -> GaitParameters:
 def still(in_force: GaitParameters) -> GaitParameters:
     """Return the wave in force, but standing still.
 
-    The worm keeps its shape. If it relaxed instead, its centre of mass would shift by a hundredth of the body length.
+    The worm keeps its shape. If the worm relaxed, the centre of mass would shift by a hundredth of the body length.
     """
     return replace(in_force, frequency=STILL) if in_force.amplitude != 0.0 else in_force

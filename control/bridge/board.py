@@ -11,8 +11,8 @@ from control.bridge.packets import COMMANDED, PARTS, Packet, Refusal, mask_of, s
 from worm3d.values.arrays import FloatArray
 
 STATES = ("not sent", "planned", "held", "rest", "calling")
-"""What was sent at a tick: nothing, the command planned for the tick, an earlier command, REST, or BEGIN. Held commands
-and REST are sent if the controller is late, and BEGIN if the robot is silent."""
+"""Kinds of packets at a tick: nothing, the command planned for the tick, an earlier command, REST, or BEGIN. Held
+commands and REST are sent if the controller is late, and BEGIN if the robot is silent."""
 NUMBERS = ("planned", "seen", "began", "arrived", "stop", "offset", "sessions", *(each.name for each in Refusal))
 """Single numbers: planned ticks, stored samples, begin of the run and arrival of the latest sample on the clock
 `time.monotonic` [s], request to stop, clock offset [s], number of sessions, and refused packets by reason."""

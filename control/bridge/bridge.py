@@ -1,6 +1,6 @@
 """Side of the controller: a controller of the simulation drives a robot in real time.
 
-The controller runs in the thread that calls `drive`. Its step for tick k is due `lead` before the tick, so a decision
+The controller runs in the thread that calls `drive`. The step for tick k is due `lead` before the tick, so a decision
 may take as long as the lead. A slower decision makes the exchange repeat the last command (`control.bridge.exchange`),
 and the steps after it follow without pause until the lead is made up. The price of the lead is that the command of a
 tick knows samples up to the lead before the tick. Samples carry their instants, and estimators allow for their age.
@@ -28,10 +28,10 @@ from worm3d.values import arguments
 from worm3d.values.named import EXCEPTIONS
 
 LEAD = 0.1
-"""Time by which the commands are planned in advance [s]. It is longer than most decisions of the MPC. With half of it,
-more commands are late; double of it delays the control by as much."""
+"""Time from the plan of a command to the tick of the command [s], longer than most decisions of the MPC. With half this
+time, more commands are late. Twice this time delays the control by as much."""
 HOLD = 0.25
-"""Time for which a late controller's last command is repeated [s]: a quarter of a wave."""
+"""Longest time during which the last command of a late controller is repeated [s]: a quarter of a wave."""
 SILENCE = 0.1
 """Time without samples after which the robot counts as silent [s]; see `control.bridge.robot.WATCHDOG`."""
 GIVE_UP = 10.0
@@ -67,8 +67,8 @@ class Bridge:
     segments, ticks : int
         Number of segments, and of the ticks of the run.
     period, lead, connecting : float
-        Time between two ticks, time by which commands are planned in advance, and time within which the robot must
-        answer [s].
+        Time between two ticks, time from the plan of a command to its tick, and longest time until the robot answers
+        [s].
 
     Raises
     ------
@@ -189,9 +189,14 @@ def drive(
     give_up : float
         Time without samples after which the run ends [s].
     goes_on : callable
-        Function of the number of planned ticks. If it returns False, the run ends.
+        Function of the number of planned ticks. A return value of False ends the run.
     say : callable
         Function that is called with a sentence when the robot falls silent, and when samples come again.
+
+    Returns
+    -------
+    Ending
+        Status, sentence and number of ticks.
     """
     bridge.begin()
     quiet, ticks = False, bridge.board.ticks

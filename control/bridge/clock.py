@@ -6,9 +6,9 @@ robot at t3, and arrives at the controller at t4. Then
     offset = ((t2 - t1) + (t3 - t4)) / 2,   round trip = (t4 - t1) - (t3 - t2)                            (CO1)
 
 The offset is the robot's clock minus the controller's clock, with an error of at most half of the round trip. The error
-is smallest for the quickest round trip, so the offset of the quickest one among those of the last `WINDOW` seconds is
-used. Source: D. L. Mills, Internet time synchronization: the network time protocol, IEEE Transactions on Communications
-39 (1991) 1482-1493.
+is smallest for the quickest round trip, so the offset of the quickest round trip of the last `WINDOW` seconds is used.
+Source: D. L. Mills, Internet time synchronization: the network time protocol, IEEE Transactions on Communications 39
+(1991) 1482-1493.
 """
 
 from __future__ import annotations

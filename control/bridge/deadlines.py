@@ -13,7 +13,7 @@ PRIORITY = 10
 
 @contextmanager
 def hurried() -> Iterator[None]:
-    """Context in which this thread runs before all usual ones, where the system can, and where the user may ask for it.
+    """Context that lets this thread run before all usual threads, if the system and the user's rights allow real time.
 
     Threads and processes that begin in the context run so, too.
     """

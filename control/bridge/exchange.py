@@ -1,10 +1,10 @@
-"""Side of the controller that keeps the deadlines: a process of its own that exchanges packets and never computes.
+"""Side of the controller that keeps the deadlines: a separate process that exchanges packets and never computes.
 
 A controller may compute for longer than a period, and Python lets only one thread compute at a time. The exchange
 therefore runs in another process, which shares a `Board` with the controller. At tick k, k periods after the begin of
-the run, it sends the command that was planned for this tick. If the controller is late, it repeats the last planned
-command for at most `hold`, and then sends REST. If no sample has arrived for `silence`, it calls the robot with BEGIN
-and a new session until samples come again.
+the run, the exchange sends the command that was planned for this tick. For a late controller, the exchange repeats the
+last planned command for at most `hold`, and then sends REST. If no sample has arrived for `silence`, the exchange calls
+the robot with BEGIN and a new session until samples come again.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ControllerSide:
         board["arrived"] = now
 
     def tick(self, k: int, now: float) -> str:
-        """Send the packet of tick k; return its entry of `STATES`."""
+        """Send the packet of tick k; return the entry of `STATES`."""
         board = self.board
         if now - board["arrived"] > self._silence:
             if not self._calling:

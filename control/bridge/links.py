@@ -1,6 +1,6 @@
 """Links that carry packets: UDP, a serial line, and a link with delay, jitter and loss for simulated robots.
 
-On a serial line, a receiver searches for the next packet by its first bytes, its length and its checksum.
+On a serial line, a receiver recognises the next packet by the first bytes, the length and the checksum.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ BAUD = 1_000_000
 ADDRESSES = "must be udp://HOST:PORT, such as udp://127.0.0.1:7001, or serial:DEVICE, such as serial:/dev/ttyACM0"
 
 Received = list[tuple[bytes, Any]]
-"""Packets, each with the address that it came from; None on a serial line."""
+"""Packets, each with the address of the sender; None on a serial line."""
 
 
 class Link(Protocol):
-    """Carrier of packets. Its methods raise no error while the line is cut."""
+    """Carrier of packets. The methods raise no error while the line is cut."""
 
     peer: Any
     """Address that packets are sent to."""
 
     def send(self, data: bytes) -> None:
-        """Send a packet, if the line takes it at once."""
+        """Send a packet, unless the line is busy."""
 
     def receive(self, timeout: float) -> Received:
-        """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
+        """Return the packets that have arrived. Wait for the first packet for at most `timeout` [s]."""
 
     def close(self) -> None:
         """Release the line."""
 
 
 def opened(address: str, *, listen: bool = False) -> Link:
-    """Open a link. With `listen`, a UDP link waits at the address, otherwise it sends to the address.
+    """Open a link. With `listen`, a UDP link waits at the address, and otherwise sends to the address.
 
     `address` is "udp://HOST:PORT", or "serial:DEVICE" with the rate in bit/s behind an optional @, for example
     "serial:/dev/ttyACM0@1000000".
@@ -77,13 +77,13 @@ class Udp:
         self.port = int(self._socket.getsockname()[1]) if listen else port
 
     def send(self, data: bytes) -> None:
-        """Send a packet, if there is somebody to send it to."""
+        """Send a packet to the peer, if the peer is known."""
         if self.peer is not None:
             with suppress(OSError):  # the cable is out, or nobody listens there
                 self._socket.sendto(data, self.peer)
 
     def receive(self, timeout: float) -> Received:
-        """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
+        """Return the packets that have arrived. Wait for the first packet for at most `timeout` [s]."""
         select.select([self._socket], [], [], max(0.0, timeout))
         found: Received = []
         with suppress(OSError):
@@ -119,12 +119,12 @@ class Serial:
         self._begun = b""
 
     def send(self, data: bytes) -> None:
-        """Send a packet, if the line takes it at once. A part of a packet is refused by its checksum."""
+        """Send a packet, unless the line is busy. The receiver refuses a part of a packet by the checksum."""
         with suppress(OSError):
             os.write(self._file, data)
 
     def receive(self, timeout: float) -> Received:
-        """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
+        """Return the packets that have arrived. Wait for the first packet for at most `timeout` [s]."""
         until = time.monotonic() + timeout
         found: Received = []
         while not found and select.select([self._file], [], [], max(0.0, until - time.monotonic()))[0]:
@@ -148,7 +148,7 @@ class Serial:
 class Impaired:
     """A link with delay, jitter and loss in both directions.
 
-    A packet is lost with the probability `loss`. Else it arrives after `delay` and a random time of up to `jitter` [s].
+    A packet is lost with the probability `loss`, or arrives after `delay` and a random time of up to `jitter` [s].
     """
 
     def __init__(self, link: Link, delay: float = 0.0, jitter: float = 0.0, loss: float = 0.0, seed: int = 0) -> None:
@@ -164,11 +164,11 @@ class Impaired:
             heapq.heappush(queue, (time.monotonic() + self._delay + self._jitter * late, order, packet))
 
     def send(self, data: bytes) -> None:
-        """Send a packet later, if it is not lost."""
+        """Send a packet later, or lose the packet."""
         self._late(self._out, data)
 
     def receive(self, timeout: float) -> Received:
-        """Return the packets that have arrived. Wait for the first one for at most `timeout` [s]."""
+        """Return the packets that have arrived. Wait for the first packet for at most `timeout` [s]."""
         until = time.monotonic() + timeout
         found: Received = []
         while True:

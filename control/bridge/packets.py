@@ -5,14 +5,14 @@ A packet is a datagram of UDP, or a piece of the bytes of a serial line. All num
     header   magic "WORM", version u8, kind u8, flags u16, segments N u16, parts u16, session u32, number u32,
              time u64, echo u64, echo received u64, taken u64                                             (52 bytes)
     parts    float32 numbers of each part whose bit is set in the field `parts`, in the order of `PARTS`
-    check    CRC-32 of all bytes before it, u32
+    check    CRC-32 of all bytes before, u32
 
 Times are in microseconds of the sender's clock, which never runs backwards: `time` when the packet was sent, `taken`
 when its samples were taken. `echo` is the `time` of the latest valid packet of the other side, and `echo received` is
 when this packet arrived. From these the controller estimates the offset of the clocks (`control.bridge.clock`).
 
 The controller begins a session with BEGIN and a random session number, and then sends COMMAND or REST at a constant
-rate. The robot sends SAMPLE at its own rate. The packets of each side and session are numbered in ascending order.
+rate. The robot sends SAMPLE at any rate. The packets of each side and session are numbered in ascending order.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LARGEST = 4096
 
 
 class Kind(IntEnum):
-    """What a packet is for."""
+    """Purpose of a packet."""
 
     BEGIN = 1
     COMMAND = 2
@@ -57,7 +57,7 @@ PARTS = {
     "pressure": ("N", 2),
 }
 """Shape of each part of a packet, for N segments. The first two make a command (`worm3d.Command`), the others are
-channels of sensors with the units of `control.sensing.sensors.QUANTITIES`. The bit of a part is its place here."""
+channels of sensors with the units of `control.sensing.sensors.QUANTITIES`. The bit of a part is the place here."""
 COMMANDED = ("contraction", "hinge")
 CHANNELS = tuple(name for name in PARTS if name not in COMMANDED)
 
@@ -117,7 +117,7 @@ def encoded(packet: Packet, segments: int) -> bytes:
 
 
 def decoded(data: bytes, segments: int) -> Packet | Refusal:
-    """Return the packet in some bytes, or the reason why it cannot be used."""
+    """Return the packet in some bytes, or the reason why the bytes are refused."""
     if len(data) < HEADER.size + CHECK.size:
         return Refusal.LENGTH
     magic, version, kind, flags, n, mask, session, number, *times = HEADER.unpack_from(data)
@@ -143,7 +143,7 @@ def decoded(data: bytes, segments: int) -> Packet | Refusal:
 
 
 def next_packet(data: bytes) -> tuple[bytes, bytes]:
-    """Return the first packet in the bytes of a serial line, and the bytes after it.
+    """Return the first packet in the bytes of a serial line, and the following bytes.
 
     The packet is empty if none is complete. Bytes that cannot begin a packet are dropped.
     """
@@ -163,7 +163,7 @@ def next_packet(data: bytes) -> tuple[bytes, bytes]:
 
 
 class Inbox:
-    """Received packets of one side: it refuses and counts all that are not valid and new.
+    """Received packets of one side. Packets that are not valid and new are refused and counted.
 
     `kinds` are the kinds of packets that the other side may send, each with the parts that a packet of this kind must
     have. A session is opened with `open`.
@@ -179,7 +179,7 @@ class Inbox:
         self.session, self.number = session, -1
 
     def take(self, data: bytes) -> Packet | None:
-        """Return the packet in some bytes, or None if it is refused. A packet BEGIN may be of any session."""
+        """Return the packet in some bytes, or None for a refused packet. A packet BEGIN may be of any session."""
         packet = decoded(data, self.segments)
         if isinstance(packet, Packet):
             packet = self._wrong(packet) or packet

@@ -46,13 +46,14 @@ class Robot(ABC):
 
     @abstractmethod
     def sample(self) -> Mapping[str, tuple[Any, float]]:
-        """Return the new samples by the name of the channel, each with its instant on the clock `time.monotonic` [s].
+        """Return the new samples by channel, each with the instant on the clock `time.monotonic` [s].
 
-        Channels, units and shapes are those of `control.bridge.packets.PARTS`. A value may be None.
+        `control.bridge.packets.PARTS` has the channels with their shapes, and `control.sensing.sensors.QUANTITIES` the
+        units. A value may be None.
         """
 
     def rest(self) -> None:
-        """Bring the actuators to rest. A robot that must vent or brake in its own way overrides this method."""
+        """Bring the actuators to rest. Override this method to vent or brake in another way."""
         self.apply(Command(np.zeros((self.segments, 2))))
 
 
@@ -63,7 +64,7 @@ class RobotSide:
         self.robot, self.link, self.watchdog = robot, link, watchdog
         self.inbox = Inbox(robot.segments, {Kind.BEGIN: (), Kind.COMMAND: COMMANDED, Kind.REST: ()})
         self.resting, self.rests = True, 0
-        """Whether the robot rests, and how often it began to rest for lack of commands."""
+        """Whether the robot rests, and how often a lack of commands began a rest."""
         self._used: set[int] = set()
         self._command: Command | None = None
         self._heard, self._echo, self._number = -np.inf, 0.0, 0
@@ -86,7 +87,7 @@ class RobotSide:
             self._command = None
 
     def _begins(self, packet: Packet) -> bool:
-        """Open the session of a packet BEGIN, unless it has been used, or another controller drives the robot."""
+        """Open the session of a packet BEGIN. Used sessions are refused, and others while another controller drives."""
         if packet.session == self.inbox.session and self.inbox.number < 0:
             return True  # repeated, as the first one may be lost
         if packet.session in self._used or not self.resting:
@@ -131,7 +132,7 @@ def serve(
     period: float = PERIOD,
     goes_on: Callable[[RobotSide], bool] = lambda side: True,
 ) -> RobotSide:
-    """Drive a robot by the packets of a link until `goes_on` returns False, and leave it at rest.
+    """Drive a robot by the packets of a link until `goes_on` returns False, and leave the robot at rest.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def serve(
     Returns
     -------
     RobotSide
-        The side with its counters.
+        The side with the counters of packets and rests.
     """
     side, due = RobotSide(robot, link, watchdog), time.monotonic()
     try:

@@ -1,1 +1,1 @@
-"""Robots: a simulated robot as a process of its own, and runs of a scene's controller on a robot."""
+"""Robots: a simulated robot as a separate process, and runs of a scene's controller on a robot."""

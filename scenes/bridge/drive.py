@@ -29,7 +29,7 @@ from worm3d.running.actuation import Controller
 MODELS = ("worm", "worm_control")
 """Models whose scenes can drive a robot, and be one."""
 WARM_UP = 4.0
-"""Simulated time for which a controller runs before the robot is called, so that its solvers are compiled [s]. The MPC
+"""Simulated time of a controller before the robot is called, to compile the controller's solvers [s]. The MPC
 makes plans after the first three waves."""
 
 

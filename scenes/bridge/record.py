@@ -40,7 +40,7 @@ ESTIMATED = "heading, as the controller estimates it"
 LOOK = "look at the cable or the radio, and at the load of both computers"
 NO_MOTION = "too few samples have come, or the robot has no such sensor"
 MANY_REFUSED = 0.01
-"""Share of refused packets from which on a run warns. Jitter alone overtakes a few packets, which are then too old."""
+"""Share of refused packets above which a run warns. Jitter alone overtakes a few packets, which are then too old."""
 LINK_FIGURES = {
     "deadlines_kept": "share of the ticks whose packet left before the next tick",
     "lateness_ms_p99": "99th percentile of the lateness of packets",

@@ -33,13 +33,13 @@ from worm3d.running.actuation import Commands
 from worm3d.running.run import Run
 
 SPARE = 60.0
-"""Time for which a simulated robot can run in addition to twice the duration of its scene [s]."""
+"""Time that a simulated robot can run in addition to twice the duration of the scene [s]."""
 
 
 class SimulatedRobot(Robot):
     """The worm of a scene in real time, from the first command on, with the sensors of the scene.
 
-    A gait needs no sensors. Its robot has exact sensors of strain, place and heading, and those that the gait senses.
+    The robot of a scene with a gait has exact sensors of strain, place and heading, and the sensors of the gait.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -68,7 +68,7 @@ class SimulatedRobot(Robot):
 
     @property
     def over(self) -> bool:
-        """Whether the run has ended: it diverged, or its time is over."""
+        """Whether the run has ended, by divergence or after its time."""
         return self.status is not Status.DONE or self._run.done == self._run.steps
 
     def result(self) -> worm3d.Result:
@@ -83,7 +83,7 @@ def _exact(scene: Any) -> Sensors:
 
 
 def _true(scene: Scene) -> Scene:
-    """Return a scene of the same worm without its controller, which a robot does not know, for the true run."""
+    """Return a scene of the same worm for the true run, without the controller, which a robot does not know."""
     if not isinstance(scene.settings, ControlScene):
         return scene
     shared = keys_in(SpatialScene)

@@ -152,14 +152,16 @@ def go_on(
 def play(
     scene: SceneArgument,
     o: Overrides = None,
-    speed: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Simulated over real time, at the start.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1000.0, help="Speed at the start, as simulated time over real time.")
+    ] = 1.0,
     no_open: Annotated[bool, typer.Option("--no-open", help="Only print the address of the page.")] = False,
     no_code: NoCode = False,
 ) -> None:
-    """Play with a scene in a browser while it runs.
+    """Play with a scene in a browser during the run.
 
-    Sliders change the gait, the speed to keep, friction, slope and mass. Arrow keys steer. Drag the worm with the ctrl
-    key to pull it. 'save' writes a scene with the present values, and 'record' a folder of results.
+    Sliders change the gait, the requested speed, friction, slope and mass. Arrow keys steer. Drag the worm with the
+    ctrl key to pull the worm. 'save' writes a scene with the present values, and 'record' a folder of results.
     """
     from scenes.models.loading import load_scene
     from scenes.running import playing, viewing

@@ -99,18 +99,19 @@ def optimise(
         typer.Option(
             "--over",
             metavar="KEY=LO:HI[:each]",
-            help="Key of the scene that is searched too, with each for a value of each segment; repeatable.",
+            help="Key of the scene to search as well; ':each' gives each segment a value; repeatable.",
         ),
     ] = None,
     free: Annotated[
-        str, typer.Option("--free", metavar="WHAT", help="segments: each has its own shape; waves: all are alike.")
+        str,
+        typer.Option("--free", metavar="WHAT", help="segments: each segment has its own shape; waves: all are alike."),
     ] = "segments",
     budget: Annotated[int, typer.Option("--budget", min=14, help="Largest number of runs of each search.")] = 1500,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first search.")] = 0,
-    searches: Annotated[int, typer.Option("--searches", min=1, help="Number of searches; the best one counts.")] = 2,
+    searches: Annotated[int, typer.Option("--searches", min=1, help="Number of searches; the best search counts.")] = 2,
     front: Annotated[
         str | None,
-        typer.Option("--front", metavar="V1,V2,...", help="The best gait at each of these least speeds [BL/s]."),
+        typer.Option("--front", metavar="V1,V2,...", help="Minimum speeds [BL/s]; one search for each."),
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -122,9 +123,10 @@ def optimise(
 ) -> None:
     """Search for the best gait of the worm in a scene.
 
-    Writes gait.toml, a card (card.md, card.html) that says how much is gained and how much is left under other
-    conditions, and the folder best with a run and its film. Amplitude and period are those of the scene. If the command
-    is stopped, the same command with the same --out goes on.
+    Writes gait.toml, a card (card.md, card.html) with the gain and the values under other conditions, and the folder
+    best with a run and a film. Amplitude and period are taken from the scene. If the command is stopped, the
+    same command with the same --out goes on. With --front, the options --free, --searches, --workers and --scheduler
+    have no effect, and front.png, front.md and the gaits are written instead.
     """
     if front is not None:
         from scenes.studies.optimise.front import run
@@ -197,10 +199,8 @@ def fit(
 def learn(
     scene: SceneArgument,
     to: Annotated[Path, file_option("--to", help="Policy to write, ending in .npz.")],
-    minutes: Annotated[float, typer.Option("--minutes", help="Time to train.")] = 10.0,
-    practice: Annotated[
-        float, typer.Option("--practice", help="Minutes of training in a reduced model, which comes first.")
-    ] = 0.0,
+    minutes: Annotated[float, typer.Option("--minutes", help="Minutes of training with the scene.")] = 10.0,
+    practice: Annotated[float, typer.Option("--practice", help="Minutes of training in a reduced model before.")] = 0.0,
     acts: Annotated[str, typer.Option("--acts", help="Meaning of the actions: course or wave.")] = "course",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")] = 0,
     vary: Vary = None,
@@ -213,9 +213,10 @@ def learn(
 ) -> None:
     """Train a controller by reinforcement learning (PPO).
 
-    Trains on many worms at once. Each episode has the duration of the scene, and random values of the keys in --vary.
-    Prints the mean reward during the training. Needs the optional part 'learn'; the trained policy needs only numpy
-    (see .docs/guides/learn.md for use). Ctrl-C ends the training early, and keeps the trained policy.
+    SCENE can also be an environment by name, such as worm3d/Slope-v0. Trains on many worms at once. Each episode has
+    the duration of the scene, and random values of the keys in --vary. Prints the mean reward during the training.
+    Needs the optional part 'learn'; the trained policy needs only numpy (see .docs/guides/learn.md for use). Ctrl-C
+    ends the training early, and keeps the trained policy.
     """
     from scenes.studies.learn.command import run
     from scenes.studies.learn.task import Task

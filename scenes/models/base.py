@@ -68,7 +68,7 @@ class Watch:
 
 
 class Played:
-    """Drive of the worm of a scene that is played (`scenes.running.playing`). It goes on when values change."""
+    """Drive of the worm of a scene that is played (`scenes.running.playing`), also after a change of values."""
 
     steers = ""
     """Text about the effect of the arrow keys."""
@@ -88,7 +88,7 @@ class Played:
         return {}
 
     def state(self) -> str:
-        """Return how the worm is steered beside the scene, as a text for the page; empty if it is not."""
+        """Return a text for the page about steering that differs from the scene; empty without such steering."""
         return ""
 
     def horizon(self, time: float, com: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -109,7 +109,7 @@ class Played:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run. If the run ended early, it contains all finished steps."""
+    """Outcome of a run, also of a run that ended early, with all finished steps."""
 
     status: Status
     sentence: str
@@ -208,8 +208,8 @@ class Model(Pictures, Generic[S]):
     recorded: Callable[[S, Any, worm3d.Result], Outcome] | None = None
     """Function that returns the last part of a played run as an outcome. The second argument is from `played`."""
     beside: Callable[[S, Record, Rows], Mapping[str, Any]] | None = None
-    """Function that returns arguments of `worm3d.results.pictures.arrays`: the period of the gait, and what is drawn in
-    addition to the worm."""
+    """Function that returns arguments of `worm3d.results.pictures.arrays`: the period of the gait, and what to draw
+    in addition to the worm."""
     refers_to: Callable[[S], object] | None = None
     """Function that returns the data that affect a run in addition to the scene and the files named in it. The data
     can be written as JSON."""

@@ -1,6 +1,6 @@
 """Figures that compare several records, which may be simulations or measurements, or show a single measurement.
 
-The argument of each function is a dictionary of records by label. A function returns None if no record has data for its
+The argument of each function is a dictionary of records by label. A function returns None if no record has data for the
 figure. Simulations are drawn as lines, and measurements as dots.
 """
 
@@ -34,7 +34,7 @@ Curves = dict[str, tuple[FloatArray, FloatArray]]
 MOST_ROWS = 12
 """Largest number of panels in a figure."""
 LEAST_RANGE = 1e-11
-"""Smallest range of a vertical axis, in its unit. Smaller variations are rounding errors for all drawn quantities."""
+"""Smallest range of a vertical axis, in the axis's unit. Smaller variations are rounding errors."""
 DRAWN_ENERGIES = (
     "work_contract",
     "work_external",
@@ -78,7 +78,7 @@ def path(records: Records) -> tuple[Figure, Axes] | None:
 
 
 def centre_of_mass_and_heading(records: Records) -> tuple[Figure, Axes] | None:
-    """Draw the centre of mass, relative to its first position, and the heading over time."""
+    """Draw the centre of mass, relative to the first position, and the heading over time."""
     com, heading = _series(records, "com"), _series(records, "heading")
     rows: dict[str, Curves] = {
         f"centre of mass,\n{name} from the start [m]": {
@@ -154,11 +154,11 @@ OVERLAYS: dict[str, Overlay] = {
     each.__name__: each
     for each in (path, centre_of_mass_and_heading, strain, markers, energy, single_numbers, force_and_cable)
 }
-"""Functions that draw the figures, by the name of the file without its ending."""
+"""Functions that draw the figures, by the name of the file without the ending."""
 
 
 def drawn(records: Records) -> Iterator[tuple[str, Figure]]:
-    """Yield the figures whose data the records contain, each with the name of its file without the ending."""
+    """Yield the figures whose data the records contain, each with the name of the file without the ending."""
     for stem, draw in OVERLAYS.items():
         if (found := draw(records)) is not None:
             yield stem, found[0]
@@ -181,19 +181,19 @@ def _of_one(draw: Overlay, record: Record) -> tuple[Figure, Axes]:
 
 
 def _values(record: Record, name: str) -> FloatArray | None:
-    """Return the values of a quantity at the stored instants of a record, or None if it does not have the quantity."""
+    """Return the values of a quantity at the stored instants of a record, or None for a record without the quantity."""
     found = measured.series_of(record).get(name)
     return None if found is None else np.asarray(found.values, dtype=float)
 
 
 def _series(records: Records, name: str) -> Curves:
-    """Return a quantity over time for the records that have it. The values have the shape (T, ...)."""
+    """Return a quantity over time for the records with this quantity. The values have the shape (T, ...)."""
     found = {label: _values(record, name) for label, record in records.items()}
     return {label: (records[label]["time"], values) for label, values in found.items() if values is not None}
 
 
 def _component(curves: Curves, k: int) -> Curves:
-    """Return component k of curves with values of shape (T, K), without the curves that have no finite value of it."""
+    """Return component k of curves with values of shape (T, K), without the curves that have no finite value."""
     return {
         label: (time, values[:, k])
         for label, (time, values) in curves.items()
@@ -246,7 +246,7 @@ def _style(record: Record, number: int) -> dict[str, Any]:
 def _rows(
     records: Records, rows: Mapping[str, Curves], title: str, *, same: bool = False
 ) -> tuple[Figure, Axes] | None:
-    """Draw curves over time, with a panel for each entry of `rows`, by the label of its vertical axis.
+    """Draw curves over time, with a panel for each entry of `rows`, by the label of the vertical axis.
 
     If `same` is true, all panels have the same vertical range.
     """

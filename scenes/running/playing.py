@@ -1,8 +1,8 @@
-"""`worm3d play SCENE`: a run without end whose values a user changes in the browser while it goes on.
+"""`worm3d play SCENE`: a run without end whose values a user changes in the browser during the run.
 
 The run consists of parts (`LEG`). Each part starts from the state at the end of the part before, as if the run had not
 been interrupted. When a user changes a value, the part ends, and the next part has the new value. Only a changed slope
-moves the worm: it turns with the ground about the origin, and loses the forces of its contacts for an instant.
+moves the worm: the worm turns with the ground about the origin, and loses the contact forces for an instant.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ STEEPEST = 45.0
 """Largest angle that a slider sets [deg]. Other angles can be typed."""
 
 STIFFNESS, STRONGEST, DAMPED = 2.0, 1.5, 0.3
-"""Stiffness of the spring by which a user pulls the worm [weights per body length], and its largest force [weights].
+"""Stiffness of the spring for pulls [weights of the worm per body length], and largest force of the spring [weights].
 With half the stiffness, a short pull does not overcome friction. With double, the worm is lifted by accident. The
 damping is critical for the mass of the worm, and at most `DAMPED` times the mass of a segment in each time step, since
 the force of a step is computed before the step. With six times this value, the pull would grow from step to step."""
@@ -100,7 +100,7 @@ def play(scene: Scene, *, speed: float, opens: Callable[[str], bool]) -> int:
 
 
 class Player:
-    """The run of a scene, and the answers to the controls of its page (`worm3d.running.live.Player`)."""
+    """The run of a scene, and the answers to the controls of the page (`worm3d.running.live.Player`)."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = self._good = scene
@@ -171,7 +171,7 @@ class Player:
         return replace(problem, duration=duration, accuracy=None, record_every=1, external_force=force)
 
     def _reset(self) -> None:
-        """Let the run begin anew, with the present values."""
+        """Let the run begin again, with the present values."""
         assert self.scene.model.played is not None
         self._state, self._grip = None, None
         self.played = self.scene.model.played(self.scene.settings)
@@ -368,7 +368,7 @@ def control(name: str, key: Key, value: Any) -> dict[str, Any]:
 
 
 def changed(scene: Scene, name: str, value: Any) -> Scene:
-    """Return a scene with another value of one of its `sliders`. If a kind changes, its other keys get their defaults.
+    """Return a scene with another value of a slider. If a kind changes, the other keys get their defaults.
 
     Raises
     ------

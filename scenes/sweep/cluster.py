@@ -113,7 +113,7 @@ class Remote:
 
     @contextmanager
     def connected(self, most: int) -> Iterator[Client]:
-        """Yield the connection to the scheduler, of which all workers are used, whatever `most` is."""
+        """Yield the connection to the scheduler. All workers are used, whatever `most` is."""
         with silence_logging_cmgr("CRITICAL"):  # errors are reported as sentences
             try:
                 client = Client(self.address, timeout=CONNECT, set_as_default=False)

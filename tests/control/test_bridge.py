@@ -658,6 +658,17 @@ class TestDrive:
         assert "planned" in runs[3:], "it catches up"
         assert sent[55:].count("held") >= 15
 
+    def test_a_controller_that_is_late_at_the_end(self) -> None:
+        def step(t: float, measurement: Any) -> Command:
+            if round(100 * t) == 50:
+                time.sleep(1.0)
+            return growing(t, measurement)
+
+        said: list[str] = []
+        with robot_at() as here, Bridge(f"udp://127.0.0.1:{here.port}", N, 60) as bridge:
+            ending = drive(step, bridge, say=said.append)
+        assert (ending, said) == (("done", "the robot has run to the end", 60), [])
+
 
 @pytest.fixture
 def firmware(monkeypatch: pytest.MonkeyPatch) -> ModuleType:

@@ -30,8 +30,8 @@ from worm3d.worlds import World
 from worm3d.worlds.scenery import Window, on_ground, scenery
 
 Horizon = Callable[[float, FloatArray], FloatArray | None]
-"""Function of the time [s] and the centre of mass, shape (3,) [m]. It returns None, or the points through which a
-controller expects the centre of mass to move, shape (H, 3) [m]."""
+"""Function of the time [s] and the centre of mass, shape (3,) [m], that returns None, or the points through which
+a controller expects the centre of mass to move, shape (H, 3) [m]."""
 
 FASTEST = 1e6
 """Largest speed, as simulated time over real time. A higher speed is reduced to this value."""
@@ -41,15 +41,15 @@ PICTURES = 30.0
 would spend a third of its time on pictures."""
 
 SURROUNDED = 3.0
-"""Distance up to which the surroundings of the worm are drawn, in body lengths. They are drawn again when the worm has
-moved by two thirds of this distance. With half this value, the edge is seen. With double, terrain is drawn coarsely."""
+"""Radius of the surroundings that are drawn [body lengths]. They are drawn again when the worm has moved by two thirds
+of this radius. With half this value, the edge is seen. With double, terrain is drawn coarsely."""
 
 PATIENT = 0.2
-"""Longest time for which a run that waits does not look at its observers [s]."""
+"""Longest time between two looks of a waiting run at the observers [s]."""
 
 
 class Player(Protocol):
-    """A program that plays with the worm of a run: it answers the controls of the page."""
+    """Program that answers the controls of the page of a played run."""
 
     def controls(self) -> Mapping[str, Any]:
         """Return the controls of the page, as `worm3d.viewer.live.LiveView` describes."""
@@ -70,8 +70,8 @@ class Player(Protocol):
 class Live(Spelled):
     """View that shows runs in a browser.
 
-    Use the object in a `with` statement, which stops the server at its end. The page is the page of a finished result,
-    with all that was seen so far, and it can hold the run, let it take single steps, and change its speed.
+    Use the object in a `with` statement, which stops the server at the end. The page looks like the page of a finished
+    result, and has the pictures so far. The page can pause the run, take single steps, and change the speed.
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ class Live(Spelled):
         Function that is called with the address of the view after the first picture. By default, the address is
         printed.
     horizon : callable, optional
-        Function that is called for each picture with the time [s] and the centre of mass, shape (3,) [m]. It returns
-        None, or the points to show: the points through which a controller expects the centre of mass to move, shape
+        Function that is called for each picture with the time [s] and the centre of mass, shape (3,) [m], and returns
+        None or the points to show: the points through which a controller expects the centre of mass to move, shape
         (H, 3) [m].
     title : str
         Title of the page.
@@ -120,7 +120,7 @@ class Live(Spelled):
         self.goes_on: Callable[[], bool] = lambda: True
         """Function that returns False to end a run that is held."""
         self.held = self.again = False
-        """held, again: whether the run waits, and whether the page has ended it to see it from the start again."""
+        """held, again: whether the run waits, and whether the page has ended the run to begin again."""
         self._view: LiveView | None = None
         self._world: World | None = None
         self._shown = self._drawn = -np.inf
@@ -182,7 +182,7 @@ class Live(Spelled):
         self._clock = time.monotonic() - run.time(run.done) / self.speed
 
     def _wait(self, run: Run) -> float:
-        """Return the time until the present instant is due, below 0 if it is late [s]."""
+        """Return the time until the present instant is due; negative values mean that the run is late [s]."""
         return self._clock + run.time(run.done) / self.speed - time.monotonic()
 
     def _look(self, run: Run) -> bool:
@@ -230,7 +230,7 @@ class Live(Spelled):
         return True
 
     def _tell(self) -> None:
-        """Tell the page the state of the run, if it has changed."""
+        """Tell the page the state of the run after a change."""
         assert self._view is not None
         more = {} if self.player is None else self.player.state()
         state = {"held": self.held, "speed": min(self.speed, FASTEST), **more}
@@ -256,9 +256,9 @@ class Live(Spelled):
         self._shown, self._drawn = t, time.monotonic()
 
     def _speed(self, run: Run, t: float, com: FloatArray) -> float:
-        """Return the mean speed of the centre of mass over the last period, since it oscillates with each wave [m/s].
+        """Return the mean speed of the centre of mass over the last period, since the speed oscillates in a wave [m/s].
 
-        Without a period it is the mean since the last picture.
+        Without a period, return the mean speed since the last picture.
         """
         if not self._way or t > self._way[-1][0]:
             self._way.append((t, com))

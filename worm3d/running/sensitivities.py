@@ -1,4 +1,4 @@
-"""Sensitivities of a run: its derivatives with respect to numbers that the commands depend on."""
+"""Sensitivities of a run: derivatives with respect to parameters of the commands."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ from worm3d.values.documented import with_fields
 from worm3d.values.spelling import Spelled, spelled
 
 DIFFERENCE = 1e-6
-"""Difference of a parameter with which commands are differentiated, as a fraction of the larger of the parameter's
-magnitude and 1. With half and with double this value, the derivatives of a sine wave change by less than 1e-9 of their
-size. In a step in which a command has a kink, for example at the end of a contraction, the derivative is a mean of both
-sides."""
+"""Difference of a parameter for derivatives of commands, as a fraction of the larger of the parameter's magnitude and
+1. With half and with double this value, the derivatives of a sine wave change by less than 1e-9 of their size. If a
+command has a kink in a step, for example at the end of a contraction, the derivative is a mean of both sides."""
 
 ActuationOf = Callable[[FloatArray], Actuation]
 """Function from parameters, shape (P,), to a gait or another function of time."""
@@ -77,7 +76,7 @@ class Sensitivities(Spelled):
 
 
 class Sensed:
-    """A worm that takes steps of constant length together with their sensitivities. It can start again and again.
+    """A worm that takes steps of constant length together with their sensitivities, and can start repeatedly.
 
     Parameters
     ----------
@@ -108,7 +107,7 @@ class Sensed:
         self._begin = self._plant.memory()
 
     def follow(self, actuation: ActuationOf, at: ArrayLike, steps: int, state: State | None = None) -> Sensitivities:
-        """Return a run and its derivatives with respect to the parameters of the actuation.
+        """Return a run and the derivatives with respect to the parameters of the actuation.
 
         Parameters
         ----------
@@ -119,8 +118,8 @@ class Sensed:
         steps : int
             Number of steps.
         state : State, optional
-            State with memory of the same worm, from which the run starts. By default, it starts from the initial state
-            of the problem. The initial state does not depend on the parameters.
+            Start of the run: a state with memory of the same worm. The default is the initial state of the problem. The
+            start does not depend on the parameters.
         """
         at, plant, n = arguments.array("parameters", at, (self.count,)), self._plant, self.problem.worm.segments
         start = self._start if state is None else state
@@ -193,21 +192,26 @@ def _read(status: Status, time: FloatArray, out: FloatArray, n: int) -> Sensitiv
 
 @spelled
 def sensitivities(problem: Problem, actuation: ActuationOf, parameters: ArrayLike) -> Sensitivities:
-    """Return a run and its derivatives with respect to parameters of the actuation.
+    """Return a run together with derivatives with respect to parameters of the actuation.
 
-    The derivatives are exact for the regimes in which the contacts are found: open, sliding or sticking, (FS1) and
-    (FS2) in `worm3d.physics.kernels.change`. They describe small changes of the parameters, which do not move a change
-    of regime from one time step to another. The run itself equals that of `worm3d.simulate` bit for bit.
+    The derivatives are exact while each contact keeps its regime of each time step: open, sliding or sticking, (FS1)
+    and (FS2) in `worm3d.physics.kernels.change`. They describe small changes of the parameters, which do not move a
+    change of regime from one time step to another. The run equals the run of `worm3d.simulate` bit for bit.
 
     Parameters
     ----------
     problem : Problem
-        The run. Its own actuation is not used, and its initial state does not depend on the parameters.
+        The run. The actuation of the problem is not used, and the initial state does not depend on the parameters.
     actuation : callable
         Function from the parameters, shape (P,), to a gait or to a function of time, for example
-        ``lambda p: gaits.TravellingWave(amplitude=p[0], bias=p[1])``. Its commands are differentiated by differences.
+        ``lambda p: gaits.TravellingWave(amplitude=p[0], bias=p[1])``. The commands are differentiated by differences.
     parameters : array_like, shape (P,)
-        Parameters at which the derivatives are taken.
+        Values of the parameters.
+
+    Returns
+    -------
+    Sensitivities
+        Series of the run [SI units] and their derivatives. A step that fails ends the series, see `status`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A page that plays a run in any browser without a network. It consists of meshcat's scene and controls around it."""
+"""A page that plays a run in any browser without a network: meshcat's scene with controls around the scene."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def write_html(
         File for the script of the viewer. The file is written, and the page loads the file. Several pages can share the
         file. The data of the page are compressed, and motions are rounded to 1/16000 of each number. The page is then
         many times smaller. Page and file must be moved together, and the page needs a browser of 2023 or later. By
-        default, the script is a part of the page, and the page is complete on its own.
+        default, the script is a part of the page, and the page is complete.
     without : collection of str
         Layers to leave out of the page, from `LAYERS`. Pages without links are about half as large.
 
@@ -141,12 +141,12 @@ def _plain(scene: dict[str, Any], messages: list[bytes]) -> dict[str, str]:
 
 
 def _small(scene: dict[str, Any], messages: list[bytes]) -> dict[str, str]:
-    """Return the data of a page as compressed text. An array is its place in the list of parts."""
+    """Return the data of a page as compressed text. Arrays are replaced by their places in the list of parts."""
     return {"scene": packed(with_arrays(scene)), "commands": packed(messages), "form": "packed"}
 
 
 def with_arrays(about: Mapping[str, Any]) -> list[bytes]:
-    """Return data as JSON, followed by the arrays in the data. In the JSON, an array is its place in the list."""
+    """Return data as JSON, followed by the arrays in the data. In the JSON, arrays are their places in the list."""
     arrays = [b""]
 
     def placed(array: NDArray[np.float32]) -> int:
@@ -163,7 +163,7 @@ def _json(scene: Mapping[str, Any], array: Callable[[NDArray[np.float32]], str |
 
 
 def _player(contents: Mapping[str, str], address: str | None) -> str:
-    """Return the element with the script of meshcat's viewer, or with the address of its file."""
+    """Return the element with the script of meshcat's viewer, or with the address of the file."""
     if address is None:
         return f"<script>\n{recorder.script()}\n</script>"
     return policy.script_file(address, "".join(contents.values()))
@@ -179,7 +179,7 @@ class NotebookView:
     """Height of the cell [pixel]."""
 
     def open(self) -> Path:
-        """Open the page in a browser, and return the temporary file that holds it."""
+        """Open the page in a browser, and return the temporary file of the page."""
         with NamedTemporaryFile("w", prefix="worm3d-", suffix=".html", encoding="utf-8", delete=False) as file:
             file.write(self.page)
         webbrowser.open(Path(file.name).as_uri(), new=2)
@@ -206,7 +206,7 @@ def filled(template: str, *inner: str, live: bool = False, **parts: str) -> str:
     """Return a template of the folder `page` whose placeholders are replaced by `parts` and by the policy of the page.
 
     All parts are inserted in a single pass, so that a part may contain text that looks like a placeholder. `inner` are
-    pages that this page contains in frames. A `live` page connects to its server.
+    pages that this page contains in frames. A `live` page connects to the server.
     """
     later = {"policy": "{{policy}}"}  # stays in place in this pass, because the policy depends on the filled page
     page = re.sub(r"\{\{(\w+)\}\}", lambda name: (parts | later)[name[1]], resource(template))

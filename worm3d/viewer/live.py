@@ -1,6 +1,6 @@
 """A live page in a browser: a window for the worm of a run that goes on, and for the wishes of the user.
 
-The page is the page of a finished run. Its server is a process of its own (`worm3d.viewer.server`).
+The page is the page of a finished run. The server is a separate process (`worm3d.viewer.server`).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class LiveView:
-    """A page in the browser that shows the current state of the worm. Use it in a `with` statement.
+    """A page in the browser that shows the current state of the worm, for a `with` statement.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class LiveView:
         self._stream, self._controls = None, controls
 
     def tell(self, **state: Any) -> None:
-        """Send the page a state, which it shows. Browsers that come later get the latest state only."""
+        """Send the page a state to show. Browsers that come later get the latest state only."""
         self._send(STATE, json.dumps(state).encode())
 
     def heard(self, timeout: float = 0.0) -> list[dict[str, Any]]:
@@ -156,7 +156,7 @@ class LiveView:
 
 
 class Server:
-    """A server in a process of its own. The server stops when `stop` is called, or when this process ends."""
+    """A server in a separate process. The server stops when `stop` is called, or when this process ends."""
 
     def __init__(self, timeout: float = STARTUP) -> None:
         self._process = subprocess.Popen(
@@ -213,7 +213,7 @@ class Server:
         self._ready.set()
 
     def stop(self) -> None:
-        """Stop the process, and wait until it is gone."""
+        """Stop the process, and wait for the end of the process."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with suppress(OSError):  # the process may have gone before it read everything

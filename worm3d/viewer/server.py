@@ -1,14 +1,14 @@
-"""Program of the server of a live page. It serves only this machine, and stops with the process that started it.
+"""Program of the server of a live page. Only this machine is served. The server stops with its parent process.
 
 The process that runs the worm sends messages to the standard input of this program, each with a header `HEADER`: the
 kind of the message, and the number of bytes that follow. The program sends them to all browsers, and keeps all that a
-browser needs that comes later: the page, the scene, its surroundings, the latest state, and the frames so far. If there
+browser needs that comes later: the page, the scene, the surroundings, the latest state, and the frames so far. If there
 are too many frames, every second frame of the older half is dropped. Messages of browsers, and remarks, are lines on
 the standard output.
 
 The process is never made to wait: a browser that reads slowly misses frames, and a browser that has stopped is dropped.
-A request is refused if it asks for another host than this machine, comes from a page of another origin, or does not
-know the token in the address of the page.
+Requests for another host than this machine, from a page of another origin, or without the token in the address of the
+page are refused.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HEADER = struct.Struct("<4sI")
 """Kind of a message as four bytes, and the number of bytes that follow."""
 
 PAGE, SCENE, WORLD, FRAME, STATE, MANY = b"page", b"scen", b"worl", b"fram", b"stat", b"many"
-"""Kinds of messages. A browser gets `MANY`, the frames so far, when it opens the page."""
+"""Kinds of messages. A browser that opens the page gets `MANY`, the frames so far."""
 
 MOST_BROWSERS = 8
 """Largest number of simultaneous browsers. Further browsers are refused.
@@ -54,7 +54,7 @@ answer would be counted among `MOST_BROWSERS` for longer.
 
 MOST_UNREAD = 1_000_000
 """Number of unread bytes above which a browser gets no more frames. This limit corresponds to about a hundred frames.
-With half this value, a browser would miss frames while it loads the page. With double, it would lag behind longer."""
+With half this value, browsers would miss frames while loading the page. With double, browsers would lag more."""
 
 MOST_FRAMES, MOST_BYTES = 3000, 24_000_000
 """Largest number of frames that are kept, and their largest size. The limit corresponds to 100 s in full detail. With
@@ -86,7 +86,7 @@ class Page(Guarded):
     """Handler of requests for the page."""
 
     async def get(self, _token: str) -> None:
-        """Send the page, as soon as it is known. The page itself has the rules for its scripts."""
+        """Send the page, as soon as the page is known. The page contains the rules for scripts."""
         headers = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
         for name, value in {**headers, "Content-Security-Policy": "frame-ancestors 'none'"}.items():
             self.set_header(name, value)
@@ -117,7 +117,7 @@ class Browser(Guarded, WebSocketHandler):
         self._ask()
 
     def send(self, kind: bytes, content: bytes) -> None:
-        """Send a message, unless it is a frame and the browser has not read the earlier ones."""
+        """Send a message. Frames are left out while the browser has not read earlier frames."""
         if kind == FRAME and self._unread > MOST_UNREAD:
             return
         self._unread += len(content)
@@ -150,13 +150,13 @@ class Browser(Guarded, WebSocketHandler):
         self._reads = True
 
     def on_message(self, message: str | bytes) -> None:
-        """Hand a message on, if it is an object in JSON."""
+        """Hand on a message that is an object in JSON."""
         with suppress(ValueError, RecursionError):
             if isinstance(given := json.loads(message), dict):
                 _say(f"heard={json.dumps(given)}")
 
     def on_close(self) -> None:
-        """Remove the browser, and release the worm if the browser pulls it."""
+        """Remove the browser, and release a worm that the browser pulls."""
         if self in self.room.browsers:
             self.room.browsers.discard(self)
             _say('heard={"do": "let_go"}')
@@ -171,7 +171,7 @@ class Browser(Guarded, WebSocketHandler):
 
 
 class Room:
-    """What the server knows, and the browsers that look on."""
+    """State of the server: the messages so far, and the connected browsers."""
 
     def __init__(self) -> None:
         self.token, self.port = secrets.token_urlsafe(24), 0
@@ -181,7 +181,7 @@ class Room:
         self.read, self.taken = 0, 0  # numbers of messages; each is counted by one thread
 
     def take(self, kind: bytes, content: bytes) -> None:
-        """Keep a message, and send it to all browsers. Browsers may leave during the loop."""
+        """Keep a message and send the message to all browsers. Browsers may leave during the loop."""
         self.taken += 1
         if kind == FRAME:
             self.frames.append(content)

@@ -1,4 +1,4 @@
-"""Construction of the controller, its sensors and its faults from the settings of a scene."""
+"""Construction of the controller, the sensors and the faults from the settings of a scene."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def map_name(scene: ControlScene) -> str:
 
 
 def faults_of(scene: ControlScene) -> list[Injected]:
-    """Return the injected faults; raise ValueError if the worm cannot have one of them."""
+    """Return the injected faults; raise ValueError for a fault that the worm cannot have."""
     own_channels(scene.sensor)  # registers the user's own channels, which a fault may name
     faults = switched_parts(FAULT, scene.fault)
     for fault in faults:

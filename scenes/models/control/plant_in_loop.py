@@ -1,4 +1,4 @@
-"""A controller that plans its wave on a copy of the plant itself, with exact sensitivities.
+"""A controller that plans the wave on a copy of the plant, with exact sensitivities.
 
 The controller has a worm of its own, which starts as the worm of the scene and gets the same commands. Therefore it
 knows the state of the worm without sensors. Once per control period, it simulates the next two waves on this worm,
@@ -58,7 +58,7 @@ class _Rollout(NamedTuple):
 
 
 class PlantInLoop(WaveController):
-    """Plans the wave on a copy of the plant. The scene names it `scenes.models.control.plant_in_loop:PlantInLoop`."""
+    """Controller that plans the wave on a copy of the plant, `scenes.models.control.plant_in_loop:PlantInLoop`."""
 
     plans = True
 
@@ -82,7 +82,7 @@ class PlantInLoop(WaveController):
         self._near: float | None = None
 
     def step(self, t: float, measurement: Measurement) -> Command:
-        """Return the command from time t [s] on, and let the own worm follow it."""
+        """Return the command from time t [s] on, and let the own worm follow the command."""
         command = super().step(t, measurement)
         self._twin.follow(Commands(command.contraction[None], command.hinge[None], command.force[None]))
         return command

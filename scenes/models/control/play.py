@@ -91,7 +91,7 @@ class ControlPlay(Played):
         return self._drive
 
     def follow(self, scene: ControlScene, time: float) -> None:
-        """Take over the reference of a changed scene. The controller is not told of other changes."""
+        """Take over the reference of a changed scene. The controller does not notice other changes."""
         if scene.reference != self._scene.reference:
             self._lead(reference_of(scene), self._heading)
         self._scene = scene

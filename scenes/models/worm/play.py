@@ -27,7 +27,7 @@ class Once:
             self.period = part.period
 
     def reset(self) -> None:
-        """Reset the part if it was not in use before."""
+        """Reset a part that was not in use before."""
         if not self._begun:
             getattr(self._part, "reset", lambda: None)()
         self._begun = True
@@ -43,7 +43,7 @@ class Once:
 
 
 class Going:
-    """A gait whose time is shifted, so that its phase goes on when its period changes."""
+    """A gait with shifted time, so that a new period does not make the phase jump."""
 
     def __init__(self, gait: Any, shift: float = 0.0) -> None:
         self.gait, self.shift = gait, shift
@@ -67,7 +67,7 @@ class Going:
 
 
 class GaitPlay(Played):
-    """The gait of a scene, which arrow keys steer by its own parameters."""
+    """The gait of a scene. Arrow keys steer by parameters of the gait."""
 
     steers = "Arrow keys: left and right turn, up and down change the period."
 
@@ -80,7 +80,7 @@ class GaitPlay(Played):
         return None if sensor is None else Once(sensor)
 
     def drive(self) -> tuple[Any, Any]:
-        """Return the gait and its sensor."""
+        """Return the gait and the sensor."""
         return self._gait, self._sensor
 
     def follow(self, scene: GaitScene, time: float) -> None:

@@ -150,7 +150,7 @@ class Fit(ReadOnly):
 
 
 class _EnergyProblem:
-    """Least-squares problem of the energy. The unknowns are the weights, and those of `free`."""
+    """Least-squares problem of the energy. The unknowns are the weights and the unknowns of `free`."""
 
     def __init__(self, begin: Fit, states: States, penalty: float) -> None:
         free = begin.free

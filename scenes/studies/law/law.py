@@ -1,4 +1,4 @@
-"""A segment law with its ensemble, its errors on held-out states, and its file."""
+"""A segment law with an ensemble, errors on held-out states, and a file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.values.read_only import ReadOnly
 
 HELD_OUT = 0.2
-"""Fraction of the states that is held out. Half of it is drawn at random, and half has the greatest distances."""
+"""Fraction of the states that is held out. Half of these states is random, and half has the greatest distances."""
 
 HULL_WIDTH = 0.02
 """Greatest distance of states that count as on the convex hull, over half of the ranges of length and input."""
@@ -39,7 +39,7 @@ MEMBERS = 4
 medians smooth the law. With half as many, the error in the working band of a barrel is up to a third larger."""
 
 LEFT_OUT = 0.2
-"""Fraction of the states that a law of a part does not see. Its errors there choose the penalty."""
+"""Fraction of the states that a law of a part does not see. The errors at these states choose the penalty."""
 
 MEDIAN_POINTS = 500
 """Number of points at which the medians of the laws are taken, before those outside the hull are dropped."""
@@ -161,7 +161,7 @@ def _rms(values: FloatArray) -> float:
 
 
 def make(prepared: Prepared, seed: int, tell: Callable[[int], None] = lambda done: None) -> Law:
-    """Fit a law and its ensemble.
+    """Fit a law and an ensemble.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ class _Fitter:
     def law(self, states: States, free: Free) -> tuple[Fit, tuple[Fit, ...], float]:
         """Return a law without creases, laws of parts of the states, and the penalty of the energy.
 
-        The penalties are those of the least errors of the laws of the parts at the states that they do not see. Errors
+        The chosen penalties give the laws of the parts the least errors at held-out states. Errors
         are compared by their medians, since a few states at the edge of the table can have errors a hundred times as
         large.
         """
@@ -269,7 +269,7 @@ FITS = 2 * (MEMBERS + 2)
 
 
 def _scales(states: States, free: Free) -> Scales:
-    """Return scales from the ranges of the states. The stiffness k is the best one of F = -k s/(1 - a)."""
+    """Return scales from the ranges of the states. The stiffness k is the best k of F = -k s/(1 - a)."""
     a, x = free.contraction(states.input), states.length / free.rest_length
     pull = (x / (1.0 - a) - 1.0) / (1.0 - a)
     k = max(float(pull @ states.force / (pull @ pull)), 1e-9)
@@ -358,7 +358,7 @@ def region(law: Law, of: Learned) -> tuple[FloatArray, FloatArray]:
 def _offset(prepared: Prepared, fit: Fit) -> float:
     """Return the offset of the chambers.
 
-    Without a given offset, the offset is the best one for the moments of bent states together with the bending
+    Without a given offset, the offset is the best offset for the moments of bent states together with the bending
     stiffness m. Without bent states, the offset is the distance of the centre of half a disc from the axis. There the
     pressure acts in a chamber that fills half of the cross-section. The disc has the least radius in the domain.
     """
@@ -408,7 +408,7 @@ def _bending(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, f
 
 
 def _bent(prepared: Prepared, fit: Fit, offset: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return terms of m th, moments without those of the chambers [N m], and weights, for B bent states.
+    """Return terms of m th, moments without the part of the chambers [N m], and weights, for B bent states.
 
     The shapes are (B, 6), (B,) and (B,). Errors are weighted relative to the moment, or to a share of the median
     stiffness for soft states, since worms bend where they are soft.

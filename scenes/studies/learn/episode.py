@@ -1,12 +1,12 @@
 """An episode: a worm in a scene, which crawls for one control period after each action of an agent.
 
 The reward of a control period depends on the true position of the centre of mass, averaged over the last wave. Let e be
-its offset from the path, V its speed along the path, V_ref the required speed, and L the body length. The reward is
+the offset from the path, V the speed along the path, V_ref the required speed, and L the body length. The reward is
 
     1 - ln(1 + (e / 0.01 L)^2) / 2 - ln(1 + ((V/V_ref - 1) / 0.05)^2) / 2.                                     (LE1)
 
 An offset of 0.01 L, or an error of the speed of 5 %, reduces the reward by 0.35. The reward changes noticeably with the
-offset from a millimetre to a body length, and its slope is bounded far from the path.
+offset from a millimetre to a body length, and the slope of the reward is bounded far from the path.
 """
 
 from __future__ import annotations
@@ -71,12 +71,12 @@ class Episode:
     Parameters
     ----------
     scene : ControlScene
-        The scene. Its controller is not used.
+        The scene. The controller of the scene is not used.
     how : Terms
     seed : int
         Seed of the measurement errors.
     pictured : bool
-        Whether pictures can be made of the episode, which needs memory for its motion.
+        Whether pictures can be made of the episode, which needs memory for the motion.
 
     Raises
     ------
@@ -139,7 +139,7 @@ class Episode:
         return self._reward(facts), False, self.run.done >= self.run.steps, facts
 
     def picture(self) -> Picture:
-        """Return a picture of the worm and its path now, shape (height, width, 3)."""
+        """Return a picture of the worm and the path now, shape (height, width, 3)."""
         path, com, way = self._reference.path, self.run.observation().com, None
         if path is not None:
             s = float(path.project(com[:2], self._near)) + self._length * np.linspace(-3.0, 3.0, 121)
@@ -212,9 +212,9 @@ def _sampled(scene: ControlScene, body: float) -> Reference:
 
 
 def _begun(scene: ControlScene, every: int, pictured: bool) -> Run:
-    """Return a run before its first step. It lasts a whole number of control periods.
+    """Return a run before the first step. The duration is a whole number of control periods.
 
-    Without `pictured`, the run records only its start and its end.
+    Without `pictured`, the run records only start and end.
     """
     problem = problem_of(scene, drive=(_Outside(), None))
     steps = max(1, problem.steps // every) * every
@@ -238,7 +238,7 @@ def _steps_between(rate: float, dt: float) -> int:
 
 
 class _Outside:
-    """Placeholder for a controller in the run, which gets its commands from `Run.follow` instead."""
+    """Placeholder for a controller in a run with commands from `Run.follow`."""
 
     def reset(self) -> None:
         """Do nothing."""

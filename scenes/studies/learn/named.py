@@ -1,4 +1,4 @@
-"""Environments with a name: tasks of a worm, each with scenes that are drawn anew in every episode."""
+"""Environments with a name: tasks of a worm, each with new random values in every episode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The card of an optimised gait: its gain, where its work goes, and how much is left under other conditions."""
+"""The card of an optimised gait: the gain, the uses of the work, and how much is left under other conditions."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from worm3d.running.problem import Problem
 from worm3d.values.parameters import parameters_of
 
 ACCURACY, CONFIRMED = 0.002, 0.05
-"""Accuracy of the run that confirms the gain, and greatest relative difference of its value."""
+"""Accuracy of the run that confirms the gain, and greatest relative difference of the value."""
 SLOWER, GLIDES = 4.0, 0.85
 """Factor of the period of the run that shows gliding, and least share of the value in a wave of a gait that does not
-glide. Inertia carries a gliding worm while its anchors slip."""
+glide. Inertia carries a gliding worm while the anchors slip."""
 SKIPPED_SHOWN = 3
 """Number of reasons for skipped candidates in a card."""
 PERIOD, HALF, WEAK = "four times the period", "half the friction", "a quarter of the friction backward and sideways"
@@ -183,8 +183,8 @@ class Card:
         yield Heading("What is left under other conditions")
         yield Table.of(LEFT_COLUMNS, rows)
         yield (
-            "The shares kept are in percent. Values are those of the goal in a wave, of a run of six waves. There is no"
-            " row for noise of sensors, since the gait uses none."
+            'The column "kept" is in percent of the value as searched. The values in a wave are from runs of six waves,'
+            " with the goal as the measure. There is no row for noise of sensors, since the gait uses no sensors."
         )
         if (result := self.confirmed) is not None:
             yield Heading("Where the work goes")
@@ -196,7 +196,10 @@ class Card:
         yield Items([self.confirmation(rows[0]), *self.verdict_sentences(rows)])
 
     def verdict_sentences(self, rows: Sequence[Left]) -> Iterator[str]:
-        """Yield a sentence for each reason to doubt the gait, or one that there is none. A run that ends early tips."""
+        """Yield a sentence for each reason to doubt the gait, or a sentence if there is no reason.
+
+        A run that ends early counts as tipping over.
+        """
         by_name = {row.name: row for row in rows}
         found = list[str]()
         if by_name[PERIOD].kept < GLIDES:
@@ -263,7 +266,7 @@ def _work(result: worm3d.Result) -> Iterator[tuple[str, str]]:
 
 
 def fragment(gait: Periodic, title: str, changes: Sequence[str]) -> str:
-    """Return the section [gait] as TOML, with comments about its origin."""
+    """Return the section [gait] as TOML, with comments about the origin."""
     known = parameters_of(type(gait))
     lines = [f"# {title}", *(f"# with {change}" for change in changes), "", "[gait]", f'kind = "{gait.name}"']
     for name in ("amplitude", "period", "waves", "phase", "duty", "sharpness", "weight"):

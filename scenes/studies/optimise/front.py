@@ -1,4 +1,4 @@
-"""`worm3d optimise --front`: the best value of the goal at several least speeds, and the simple gaits behind it.
+"""`worm3d optimise --front`: the best value of the goal at several minimum speeds, and the simple gaits behind it.
 
 The searches begin at the greatest speed. Each further search starts from the gait found before, which fulfils the lower
 bound of the speed as well. Therefore no gait of the front is worse than a faster one.
@@ -33,7 +33,7 @@ SPEED = "speed_bl_s"
 
 @dataclass(frozen=True)
 class Point:
-    """The best gait at a least speed."""
+    """The best gait at a minimum speed."""
 
     least: float
     """Least speed [body lengths/s]."""
@@ -53,7 +53,7 @@ class Point:
 
 
 COLUMNS = {
-    "least speed [BL/s]": Column("least", "g"),
+    "minimum speed [BL/s]": Column("least", "g"),
     "speed [BL/s]": Column("speed", ".4g"),
     "value": Column("value", ".4g"),
     "runs": Column("runs", "d"),
@@ -81,7 +81,7 @@ def run(
     except ValueError:
         wanted = []
     if not wanted or not 0.0 < wanted[-1] <= wanted[0] < np.inf:
-        raise SceneError(f"--front: got '{speeds}', must be least speeds in body lengths/s, such as 0.03,0.06,0.1")
+        raise SceneError(f"--front: got '{speeds}', must be minimum speeds in body lengths/s, such as 0.03,0.06,0.1")
     all_trials = [
         trials_of(scene, goal, overrides, (*limits, f"{SPEED}>={each!r}"), over, "segments") for each in wanted
     ]
@@ -97,7 +97,7 @@ def run(
             pages={"front.md": blocks},
             files={
                 each.file: fragment(
-                    each.gait, f"{goal} at a least speed of {each.least:g} BL/s", each.choice.changes
+                    each.gait, f"{goal} at a minimum speed of {each.least:g} BL/s", each.choice.changes
                 ).encode()
                 for each in points
             },
@@ -143,7 +143,7 @@ def _points(
 def _blocks(trials: Trials, points: Sequence[Point]) -> Iterator[Block]:
     yield Heading(f"{trials.scene.name}: {trials.goal.meaning} over the speed", 1)
     if not points:
-        yield "No gait reaches the least speeds within the other limits: choose lower speeds, or a larger budget."
+        yield "No gait reaches the minimum speeds within the other limits: choose lower speeds, or a larger budget."
     yield Table.of(COLUMNS, points)
     yield Picture("front.png", "The optimised gaits, and simple gaits.")
 

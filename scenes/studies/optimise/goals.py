@@ -105,7 +105,7 @@ TIME_LIMIT = 10.0
 
 @dataclass(frozen=True)
 class Guarded(Measure):
-    """A user's own measure, of which errors, values that are no finite numbers, and endless loops are reasons."""
+    """A user's own measure. Errors, values that are not finite numbers, and endless loops give a reason, no value."""
 
     own: Measure = field(default_factory=Measure)
 
@@ -160,7 +160,7 @@ GOALS: Mapping[str, Goal] = MappingProxyType(
             Goal("speed", "speed towards the initial heading", MEASURES["speed_bl_s"], is_rate=True, limits=(ROLL,)),
             Goal(
                 "cost",
-                "cost of transport at a least speed",
+                "cost of transport at a minimum speed",
                 MEASURES["cost_of_transport"],
                 smallest=True,
                 limits=(ROLL, Limit("speed_bl_s", False, LEAST_SPEED)),

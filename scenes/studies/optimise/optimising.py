@@ -38,7 +38,7 @@ def optimise(
     searches: int = 2,
     go_on: GoOn = lambda seed, runs, best: True,
 ) -> Card:
-    """Search for the best gait of the worm in a scene. The amplitude and the period are those of the scene.
+    """Search for the best gait of the worm in a scene. The amplitude and the period are taken from the scene.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def optimise(
     seed : int
         Seed of the first search. Each further search has the next seed.
     searches : int
-        Number of searches, the best of which counts.
+        Number of searches; the best search counts.
     go_on : callable
         Function that is called with seed, number of runs and best candidate. If it returns False, the search ends.
 

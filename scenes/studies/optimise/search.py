@@ -1,8 +1,8 @@
 """Search for a gait in two stages: random simple gaits, then CMA-ES over the gaits of all segments from the best one.
 
 CMA-ES (N. Hansen, A. Ostermeier, Evol. Comput. 9:159, 2001) comes from the package `cma`. A search depends only on its
-seed and on the scores. It keeps the scores in a file. A search that is started again asks for the same candidates, and
-takes the scores of the first ones from the file.
+seed and on the scores. The scores are kept in a file. A search that is started again has the same candidates, and takes
+the known scores from the file.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from worm3d.values.arrays import FloatArray
 SIMPLE_RUNS = 202
 """Number of simple gaits."""
 POPULATION, SIGMA = 14, 0.1
-"""Candidates of a generation of CMA-ES, and its first step size. With a step of 0.2, one of two seeds found no
-gait that is better than the best simple one in 400 runs."""
+"""Candidates of a generation of CMA-ES, and its first step size. With a step of 0.2, in 400 runs one of two
+seeds found no gait that is better than the best simple gait."""
 PATIENCE, LEAST_GAIN, STARTS = 150, 0.01, 2
 """CMA-ES starts again from the best gait if so many runs have improved the value by less than this share. A search
 stops if so many further starts in a row have gained less. On a slope of 15 degrees, a second start with seed 1 gained

@@ -28,7 +28,7 @@ from worm3d.running.problem import Problem
 from worm3d.values.arrays import FloatArray
 
 WAVES, SURE_WAVES = 2, 6
-"""Waves of a run, of which the second half counts, and waves of a repeated run. Of a worm that is tipping over, the
+"""Waves of a run, whose second half counts, and waves of a repeated run. If a worm is tipping over, the
 first two waves say nothing about the later ones."""
 ROLLS, SETTLES_SLOWLY = 0.5, 0.5
 """A run is repeated with more waves if the roll is above this share of the greatest roll of a limit, or if the shape
@@ -36,7 +36,7 @@ changes between the two waves by more than this share of the change before."""
 GAIT_KEYS = ("gait.amplitude", "gait.period_s")
 """Keys of the section [gait] that can be searched. All others belong to the shape of a gait."""
 UNREACHED = 0.01
-"""Least value by which the values of other gaits on a ground are divided, relative to the value of the gait of the
+"""Least divisor of the values of other gaits on a ground, relative to the value of the gait of the
 scene on its own ground."""
 
 

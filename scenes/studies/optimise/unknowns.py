@@ -28,7 +28,7 @@ aliases of smaller ones in a worm with six segments; sharper waves are nearly sq
 
 
 CORRELATED = 1.0 / 3.0
-"""Distance along the body in which the correlation of the first steps of a search falls to 1/e [body lengths]. With
+"""Length along the body over which the correlation of the first steps of a search falls to 1/e [body lengths]. With
 independent steps, the gain over simple gaits on a slope of 15 degrees is 1.14 and 1.02 (two seeds) in place of 1.21 and
 1.17."""
 SEGMENTS, EACH = "worm.segments", "each"

@@ -275,7 +275,7 @@ def test_a_front_has_a_gait_for_each_speed_none_worse_than_a_faster_one(
     }
     ended = worm3d(*given[:5], "fast", "--out", "other")
     assert ended.code == 2
-    assert "--front: got 'fast', must be least speeds in body lengths/s, such as 0.03,0.06,0.1" in ended.err
+    assert "--front: got 'fast', must be minimum speeds in body lengths/s, such as 0.03,0.06,0.1" in ended.err
 
 
 @pytest.mark.usefixtures("_cma")
