@@ -32,8 +32,8 @@ PAGES: Mapping[str, str] = {
     ".": "index citing changes",
     "tutorials": "01_first_crawl 02_reading_a_result 03_your_own_gait 04_friction_and_slopes 05_turning 06_pipes "
     "07_control 08_sweeps 09_fitting 10_your_own_actuator 11_soft_segments 12_optimising",
-    "guides": "install scenes play worlds gaits parts accuracy control pipes_control faults sweeps optimise compare fit "
-    "bridge studies learn soft_segments files extend",
+    "guides": "install scenes play worlds gaits parts accuracy control pipes_control faults sweeps optimise compare "
+    "fit bridge studies learn soft_segments files extend",
     "physics": "index segment strains joints actuators contact sticking energy time_step worlds limits",
     "reference": "index scene_keys summary series commands exit_codes file_format api glossary",
     "evidence": "index speed accuracy validation controllers optimised",
