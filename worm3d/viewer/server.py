@@ -129,8 +129,13 @@ class Browser(Guarded, WebSocketHandler):
             sent.add_done_callback(functools.partial(self._sent, len(content)))
 
     def _sent(self, size: int, sent: Any) -> None:
-        """Record the end of a transmission. An error is ignored because the connection is then closed anyway."""
-        self._unread, self._reads = self._unread - size, True
+        """Record the end of a transmission, and whether the browser reads.
+
+        The end of a small transmission only shows that the buffers of the system had room. An error is ignored because
+        the connection is then closed anyway.
+        """
+        self._reads |= self._unread > MOST_UNREAD
+        self._unread -= size
         with suppress(Exception):
             sent.exception()
 

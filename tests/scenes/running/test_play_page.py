@@ -96,6 +96,9 @@ def test_sliders_keys_and_a_pull_change_the_run(page: Any, playing: Playing, tmp
     (saved,) = tmp_path.glob("flat-*.toml")
     assert load_scene(saved).settings.gait == gait()
     page.click("#controls summary")
+    page.press(" ")  # the camera stands too
+    wait(lambda: text(page, "play") == "\u25b6")
+    page.settle()
     place = page.value(
         "(() => { const p = viewer.controls.target.clone().project(viewer.camera);"
         " return [(0.5 + 0.5 * p.x) * innerWidth, (0.5 - 0.5 * p.y) * innerHeight]; })()"
@@ -106,6 +109,12 @@ def test_sliders_keys_and_a_pull_change_the_run(page: Any, playing: Playing, tmp
         wait(lambda: text(page, "tag").endswith(" N") and not page.value("document.getElementById('tag').hidden"))
         forces.append(text(page, "tag"))
         assert playing.player._grip is not None
+        forward, left, up = playing.player._pointer + playing.player._off  # z is up in the run, and y in the page
+        seen = page.value(
+            f"(() => {{ const p = viewer.controls.target.clone().set({forward}, {up}, {-left}).project(viewer.camera);"
+            " return [(0.5 + 0.5 * p.x) * innerWidth, (0.5 - 0.5 * p.y) * innerHeight]; })()"
+        )
+        assert seen == pytest.approx([place[0] + 40, place[1] + 90], abs=3), "the spring leads to the pointer"
 
     page.drag(tuple(place), (place[0] + 40, place[1] + 90), ctrl=True, held=held)
     assert float(forces[0].removesuffix(" N")) > 0.05

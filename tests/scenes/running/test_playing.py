@@ -231,6 +231,26 @@ def test_arrow_keys_steer_a_gait_by_its_own_keys() -> None:
     assert (gait.hinge_deg, gait.period_s) == (5.0, pytest.approx(2.0 / 1.1, rel=1e-5))
 
 
+@pytest.mark.parametrize("left", [1, -1])
+def test_the_left_key_turns_a_gait_to_the_left(left: int) -> None:
+    keys = [(0.1 * k, {"do": "steer", "value": [left, 0]}) for k in (1, 2, 3)]
+    chord = np.subtract(*played("flat", keys, 8).seen[-1][1][[-1, 0]])
+    assert left * np.arctan2(chord[1], chord[0]) > 0.05
+
+
+@pytest.mark.parametrize("left", [1.0, -1.0])
+def test_the_left_key_leads_a_controller_to_the_left_of_the_present_heading(left: float) -> None:
+    play = Player(load_scene("path_line")).played
+    assert isinstance(play, ControlPlay)
+    for times in (1, 2):
+        assert play.steer(left, 0.0, 0.3) == {}
+        reference = play.driver.controller.reference
+        assert reference.path is None
+        assert reference.heading(0.0) == pytest.approx(0.3 + left * times * np.radians(10.0))
+    play.steer(0.0, 0.0, 0.3)
+    assert play.driver.controller.reference.path is not None, "Esc: back to the path"
+
+
 def test_another_gait_takes_over_with_its_own_defaults() -> None:
     page = played("flat", [(0.2, set_to("gait.kind", "inchworm"))], 2)
     gait = page.player.scene.settings.gait
