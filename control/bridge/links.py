@@ -130,7 +130,7 @@ class Serial:
         while not found and select.select([self._file], [], [], max(0.0, until - time.monotonic()))[0]:
             data = b""
             with suppress(OSError):
-                data = os.read(self._file, 16 * LARGEST)
+                data = os.read(self._file, LARGEST)
             if not data:  # the other end is gone, which can be read all the time
                 time.sleep(max(0.0, until - time.monotonic()))
                 break

@@ -33,8 +33,8 @@ HEADER, CHECK = struct.Struct("<4sBBHHHIIQQQQ"), struct.Struct("<I")
 MICROSECOND = 1e-6
 RESTING = 1
 """Flag of a sample: the robot rests, since no valid command has arrived for some time, or by command."""
-LARGEST = 4096
-"""Greatest length of a packet [bytes], which a worm of 70 segments with all sensors needs."""
+LARGEST = 65_507
+"""Greatest length of a packet [bytes], that of a datagram. A worm of 1000 segments with all sensors needs 64 kB."""
 
 
 class Kind(IntEnum):
@@ -145,21 +145,24 @@ def decoded(data: bytes, segments: int) -> Packet | Refusal:
 def next_packet(data: bytes) -> tuple[bytes, bytes]:
     """Return the first packet in the bytes of a serial line, and the following bytes.
 
-    The packet is empty if none is complete. Bytes that cannot begin a packet are dropped.
+    The packet is empty if none is complete. Bytes that cannot begin a packet are dropped. A header with a damaged
+    length does not hold back the packets after it.
     """
-    while (begin := data.find(MAGIC)) >= 0:
-        data = data[begin:]
-        if len(data) < HEADER.size:
-            return b"", data
-        header = HEADER.unpack_from(data)
-        end = HEADER.size + 4 * sum(sizes(header[5], max(1, header[4])).values())
-        length = end + CHECK.size
-        if length <= LARGEST and len(data) < length:
-            return b"", data
-        if length <= LARGEST and zlib.crc32(data[:end]) == CHECK.unpack_from(data, end)[0]:
-            return data[:length], data[length:]
-        data = data[1:]
-    return b"", data[-len(MAGIC) + 1 :]
+    kept, begin = max(0, len(data) - len(MAGIC) + 1), data.find(MAGIC)
+    while begin >= 0:
+        end = begin + HEADER.size
+        if len(data) >= end:
+            header = HEADER.unpack_from(data, begin)
+            end += 4 * sum(sizes(header[5], max(1, header[4])).values()) + CHECK.size
+            if (
+                len(data) >= end
+                and zlib.crc32(data[begin : end - CHECK.size]) == CHECK.unpack_from(data, end - CHECK.size)[0]
+            ):
+                return data[begin:end], data[end:]
+        if len(data) < end <= begin + LARGEST:
+            kept = min(kept, begin)
+        begin = data.find(MAGIC, begin + 1)
+    return b"", data[kept:]
 
 
 class Inbox:

@@ -182,7 +182,7 @@ def _link(bridge: Bridge, ticks: int) -> dict[str, Metric]:
     late = STATES.index("held"), STATES.index("rest")
     values = (
         float(np.mean((state > 0) & (lateness <= bridge.period))) if ticks else math.nan,
-        _percentile(lateness, 99.0),
+        _percentile(lateness[state > 0], 99.0),
         int(np.isin(state, late).sum()),
         int(board["seen"]),
         *(_percentile(board.head("round_trip"), each) for each in (50.0, 99.0)),

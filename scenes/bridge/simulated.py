@@ -35,6 +35,11 @@ from worm3d.running.run import Run
 SPARE = 60.0
 """Time that a simulated robot can run in addition to twice the duration of the scene [s]."""
 
+AT_ONCE, LAG = 0.1, 0.5
+"""Longest time that a robot simulates between two packets, and longest time by which the motion lags [s]. Beyond this
+lag, the motion loses time. With half these values, short pauses of the machine lose time. With double, a robot on a
+machine that is too slow answers late."""
+
 
 class SimulatedRobot(Robot):
     """The worm of a scene in real time, from the first command on, with the sensors of the scene.
@@ -50,13 +55,18 @@ class SimulatedRobot(Robot):
         self._run = Run(replace(problem, duration=rows * given.run.record_every * given.run.dt_s))
         self.segments, self.status = problem.worm.segments, Status.DONE
         self._began = float("nan")
+        self.lost = 0.0
+        """Time by which the motion lags, since the machine is too slow [s]."""
 
     def apply(self, command: worm3d.Command) -> None:
         """Advance the worm to the present time with a command."""
         now, run = time.monotonic(), self._run
         if np.isnan(self._began):
             self._began = now
-        count = min(int((now - self._began) / run.dt) - run.done, run.steps - run.done)
+        if (lost := now - self._began - run.done * run.dt - LAG) > 0.0 and not self.over:
+            self._began, self.lost = self._began + lost, self.lost + lost
+        due = int((now - self._began) / run.dt) - run.done
+        count = min(due, max(1, round(AT_ONCE / run.dt)), run.steps - run.done)
         if count > 0 and self.status is Status.DONE:
             parts = (command.contraction, command.hinge, command.force)
             self.status = run.follow(Commands(*(np.repeat(each[None], count, axis=0) for each in parts)))
@@ -117,6 +127,8 @@ def run(
     if not quiet:
         text = f"{side.inbox.accepted} packets accepted; refused: {refused}; at rest {side.rests} times"
         typer.echo(f"{scene.name}: {text}", err=True)
+    if robot.lost > 0.0:
+        typer.echo(f"warning: this machine is too slow: the motion of the robot lost {robot.lost:.2g} s", err=True)
     if out is not None and side.begun:
         true = _true(scene)
         return keep_run(true, outcome(robot.result(), true.settings), out, force=force, quiet=quiet)

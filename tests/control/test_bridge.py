@@ -173,6 +173,20 @@ class TestPackets:
         assert found == sent
         assert len(rest) < packets.LARGEST
 
+    def test_a_damaged_length_holds_nothing_back(self, firmware: ModuleType) -> None:
+        six = TestFirmware.SIX
+        good = encoded(Packet(Kind.COMMAND, 8, 1, 2.0, values(np.random.default_rng(1), *COMMANDED, segments=six)), six)
+        head = [*packets.HEADER.unpack_from(good)]
+        for place, value in ((4, 900), (5, 0xFF)):  # segments, and parts
+            damaged = packets.HEADER.pack(*head[:place], value, *head[place + 1 :]) + good[packets.HEADER.size :]
+            packet, rest = next_packet(damaged)
+            assert packet == b""
+            assert next_packet(rest + good) == (good, b"")
+            header, _, rest = firmware.next_packet(damaged)
+            assert header is None
+            header, _, rest = firmware.next_packet(rest + good)
+            assert (header[7], rest) == (1, b"")
+
 
 class TestClock:
     def test_the_offset_of_a_drifting_clock(self) -> None:

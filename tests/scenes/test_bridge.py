@@ -21,7 +21,7 @@ from control.bridge.bridge import Bridge, Ending
 from control.bridge.packets import RESTING, Kind, Packet
 from control.sensing.sensors import Measurement
 from scenes.bridge import drive, record
-from scenes.bridge.simulated import SimulatedRobot
+from scenes.bridge.simulated import LAG, SimulatedRobot
 from scenes.models.loading import load_scene
 from scenes.models.worm.build import problem_of
 from scenes.records import measured
@@ -60,16 +60,21 @@ class TestSimulatedRobot:
         assert_allclose(robot.result().com, result.com, atol=1e-12)
         assert not robot.over
 
-    def test_a_pause_of_its_process_is_made_up(self, clock: SimpleNamespace) -> None:
+    def test_a_pause_of_its_process_is_made_up_and_a_slow_machine_loses_time(self, clock: SimpleNamespace) -> None:
         robot = SimulatedRobot(load_scene("flat", ["run.duration_s=0.1"]))
-        for moment in (0.0, 0.013, 0.4):
+        for moment in (0.0, 0.013, 0.4, 0.4, 0.4, 0.4):
             clock.now = 100.0 + moment
             robot.rest()
         assert robot.result().time[-1] == pytest.approx(0.4)
-        clock.now = 1000.0
-        robot.rest()
-        assert robot.over
+        assert robot.lost == 0.0
+        for moment in range(1, 1001):  # half as fast as real time
+            clock.now = 100.4 + 0.2 * moment
+            robot.rest()
+            if robot.over:
+                break
         assert robot.result().time[-1] == pytest.approx(60.2)
+        assert robot.lost == pytest.approx(59.8 - LAG, abs=0.2)
+        assert robot.sample()["com"].time == pytest.approx(clock.now - LAG, abs=0.2)
 
     def test_it_has_the_sensors_and_parameters_of_its_scene(self, clock: SimpleNamespace) -> None:
         robot = SimulatedRobot(load_scene("path_line", ["worm.mass_kg=0.2", "sensor.heading=true"]))

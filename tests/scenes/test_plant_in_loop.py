@@ -1,11 +1,13 @@
 """The controller that plans on a copy of the plant: its copy, its derivatives, and what it does on a path."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from control.sensing.sensors import Measurement
+from control.tracking.references import Constant
 from scenes.language.errors import SceneError
 from scenes.models.control.build import controller_of
 from scenes.models.control.plant_in_loop import LEAST, PlantInLoop
@@ -72,6 +74,22 @@ def test_beside_a_line_it_steers_back_to_the_line(start: float, side: float) -> 
     moved = run["com"][-1, 1] - run["com"][0, 1]
     assert side * moved < -0.002
     assert run.summary["mpc_failures"] == 0
+
+
+def test_its_worm_goes_on_after_the_duration_of_the_scene() -> None:
+    """As in a played run: the path of a copy for 0.1 s is the path of a copy for longer."""
+    short, long = (started(f"run.duration_s={duration}") for duration in (0.1, 1.0))
+    for k in range(25):
+        for each in (short, long):
+            each.step(0.01 * k, Measurement(0.01 * k))
+    np.testing.assert_array_equal(short._twin.observation().com, long._twin.observation().com)
+
+
+def test_steered_away_from_the_path_it_stands() -> None:
+    found = started()
+    found.lead(replace(found.reference, path=None, heading=Constant(0.3), ends=False))
+    assert not found.step(0.0, Measurement(0.0)).contraction.any()
+    assert "no path" in found.decisions[-1].status
 
 
 def test_it_needs_a_path() -> None:

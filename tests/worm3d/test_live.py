@@ -72,16 +72,17 @@ def test_every_picture_is_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> Non
     np.testing.assert_allclose(energies[-1], [work, lost], rtol=1e-9)
 
 
-def test_the_page_holds_a_run_takes_steps_and_sets_its_speed() -> None:
-    """Two steps of a held run, and then it goes on ten times as fast as real time."""
+@pytest.mark.parametrize("speed", [1.0, 8.0])
+def test_the_page_holds_a_run_takes_steps_and_sets_its_speed(speed: float) -> None:
+    """Two steps of a held run, also of one that is fast before, and then it goes on ten times as fast as real time."""
     done: list[tuple[float, float]] = []
     crawl()  # compiled
-    with worm3d.Live(began=lambda url: None) as live:
+    with worm3d.Live(speed=speed, began=lambda url: None) as live:
 
         def ask() -> None:
             assert live._view is not None
             for message in ({"do": "hold"}, {"do": "step"}, {"do": "step"}, {"do": "speed", "value": 10}, {"do": "go"}):
-                time.sleep(0.5)
+                time.sleep(0.4)
                 live._view._server.heard.put(message)
 
         asks = threading.Thread(target=ask)
@@ -91,7 +92,7 @@ def test_the_page_holds_a_run_takes_steps_and_sets_its_speed() -> None:
                 asks.start()
             done.append((t, time.monotonic()))
 
-        result = crawl(duration=4.0, live=live, observer=look, every=1)
+        result = crawl(duration=8.0, live=live, observer=look, every=1)
         asks.join()
     assert result.status is worm3d.Status.DONE
     waits = np.diff([clock for _, clock in done])
@@ -100,7 +101,7 @@ def test_the_page_holds_a_run_takes_steps_and_sets_its_speed() -> None:
     assert list(np.diff(longest)) == [1, 1], "each step is one time step"
     (begin, began), (end, ended) = done[longest[-1] + 1], done[-1]
     assert ended - began >= 0.9 * (end - begin) / 10.0
-    assert_array_equal(result.joints, crawl(duration=4.0).joints)
+    assert_array_equal(result.joints, crawl(duration=8.0).joints)
 
 
 def test_an_interrupted_run_closes_its_view() -> None:

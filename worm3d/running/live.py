@@ -140,11 +140,18 @@ class Live(Spelled):
                 self.close()
                 return True
 
-        rows = self.speed / (5.0 * PICTURES * run.dt * run.every)  # rows between two looks, five for each picture
-        # A run that is slower than `speed` would show too few pictures per second. Therefore the number of rows is
-        # limited: to one row in a run with a controller, and otherwise to the rows of about 50 steps.
-        most = 1.0 if run.driver.controller is not None else 50 / run.every + 1.0
-        return Observer(look, run.every * round(min(max(rows, 1.0), most)))
+        self._observer = Observer(look, self._steps_between(run))
+        return self._observer
+
+    def _steps_between(self, run: Run) -> int:
+        """Return the number of steps between two looks: a row if the run waits, otherwise five looks for each picture.
+
+        A run that is slower than `speed` would show too few pictures per second. Therefore the number of rows is
+        limited: to one row in a run with a controller, and otherwise to the rows of about 50 steps.
+        """
+        rows = self.speed / (5.0 * PICTURES * run.dt * run.every)
+        most = 1.0 if self.held or run.driver.controller is not None else 50 / run.every + 1.0
+        return run.every * round(min(max(rows, 1.0), most))
 
     def _begin(self, run: Run) -> None:
         now, opens, player = run.recorded_now(), self._view is None, self.player
@@ -227,6 +234,7 @@ class Live(Spelled):
             self.again = True
             return False
         self._restart(run)
+        self._observer.every = self._steps_between(run)
         return True
 
     def _tell(self) -> None:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import logging
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -55,12 +56,14 @@ COMMANDED = 1e-3
 _LOG = logging.getLogger(__name__)
 
 
-class Observer(NamedTuple):
+@dataclass
+class Observer:
     """A function that is called with a run at the start, after every `every` steps, and at the end."""
 
     look: Callable[[Run], bool | None]
     """Function of the run. The run ends if the function returns False."""
     every: int = 1
+    """Number of steps between two calls, which may change during the run."""
 
 
 class Run:

@@ -98,7 +98,7 @@ class Page(Guarded):
 class Browser(Guarded, WebSocketHandler):
     """Connection to a browser, which may end at any time. tornado refuses connections from pages of other hosts."""
 
-    _unread, _reads = 0, True
+    _unread, _reads, _pulls = 0, True, False
 
     def prepare(self) -> None:
         """Refuse the connection if there are enough browsers."""
@@ -158,12 +158,14 @@ class Browser(Guarded, WebSocketHandler):
         """Hand on a message that is an object in JSON."""
         with suppress(ValueError, RecursionError):
             if isinstance(given := json.loads(message), dict):
+                self._pulls = given.get("do") in ("grab", "pull") or (self._pulls and given.get("do") != "let_go")
                 _say(f"heard={json.dumps(given)}")
 
     def on_close(self) -> None:
         """Remove the browser, and release a worm that the browser pulls."""
-        if self in self.room.browsers:
-            self.room.browsers.discard(self)
+        self.room.browsers.discard(self)
+        if self._pulls:
+            self._pulls = False
             _say('heard={"do": "let_go"}')
 
     def _drop(self, why: str) -> None:

@@ -25,26 +25,26 @@ def count_of(mask):
 def next_packet(data):
     """Return the header and the values of the first packet in some bytes, and the bytes after it.
 
-    The header is None if there is no whole packet. Damaged packets, and packets of other robots, are dropped.
+    The header is None if there is no whole packet. Damaged packets, and packets of other robots, are dropped. A header
+    with a damaged length does not hold back the packets after it.
     """
-    while True:
-        begin = data.find(b"WORM")
-        if begin < 0:
-            return None, (), data[-3:]
-        data = data[begin:]
-        if len(data) < SIZE:
-            return None, (), data
-        header = struct.unpack_from(HEADER, data)
-        count = count_of(header[5])
-        end = SIZE + 4 * count
-        if header[1] == 1 and header[4] == N and not header[5] >> len(COUNTS):
-            if len(data) < end + 4:
-                return None, (), data
-            values = struct.unpack_from("<%df" % count, data, SIZE)  # noqa: UP031 - as short on old boards
-            finite = all(-1e30 < each < 1e30 for each in values)
-            if finite and crc32(data[:end]) == struct.unpack_from("<I", data, end)[0]:
-                return header, values, data[end + 4 :]
-        data = data[1:]
+    kept, begin = max(0, len(data) - 3), data.find(b"WORM")
+    while begin >= 0:
+        end, valid = begin + SIZE, True
+        if len(data) >= end:
+            header = struct.unpack_from(HEADER, data, begin)
+            count = count_of(header[5])
+            end += 4 * count + 4
+            valid = header[1] == 1 and header[4] == N and not header[5] >> len(COUNTS)
+            if valid and len(data) >= end:
+                values = struct.unpack_from("<%df" % count, data, begin + SIZE)  # noqa: UP031 - as short on old boards
+                finite = all(-1e30 < each < 1e30 for each in values)
+                if finite and crc32(data[begin : end - 4]) == struct.unpack_from("<I", data, end - 4)[0]:
+                    return header, values, data[end:]
+        if valid and len(data) < end:
+            kept = min(kept, begin)
+        begin = data.find(b"WORM", begin + 1)
+    return None, (), data[kept:]
 
 
 class Side:

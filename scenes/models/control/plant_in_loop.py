@@ -14,6 +14,7 @@ see the worm through its parameters and measurements only, which a contract in `
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from typing import NamedTuple, Self
@@ -30,6 +31,7 @@ from control.sensing.sensors import Measurement
 from control.task import ControlTask
 from control.tracking.paths import offset
 from worm3d import Command, Commands, Problem, Sensitivities, Status
+from worm3d.running.places import place_kept
 from worm3d.running.run import Run
 from worm3d.running.sensitivities import Sensed
 from worm3d.values.arrays import FloatArray
@@ -84,6 +86,8 @@ class PlantInLoop(WaveController):
     def step(self, t: float, measurement: Measurement) -> Command:
         """Return the command from time t [s] on, and let the own worm follow the command."""
         command = super().step(t, measurement)
+        if self._twin.done == self._twin.steps:  # a played run goes on after the duration of the scene
+            self._twin = Run(replace(self._problem, state=self._twin.state()), place_kept)
         self._twin.follow(Commands(command.contraction[None], command.hinge[None], command.force[None]))
         return command
 
@@ -91,7 +95,8 @@ class PlantInLoop(WaveController):
         if float(self.reference.speed(t)) <= 0.0:
             return Choice("stop", rest(self._target), "the reference stands, or goes backwards")
         began, path = perf_counter(), self.reference.path
-        assert path is not None
+        if path is None:
+            return Choice("stop", rest(self._target), "the reference has no path, which this controller needs")
         self._near = float(path.project(self._twin.observation().com[:2], self._near))
         usual = self._usual(t)
         at = usual if self._last is None else self._last

@@ -1,5 +1,7 @@
 """The live view: closed properly, never hanging, on this machine only; and the notebook."""
 
+import asyncio
+import json
 import os
 import re
 import signal
@@ -18,6 +20,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from tornado.websocket import websocket_connect
 
 from worm3d.viewer import Frames, html, live
 from worm3d.viewer.live import LiveView, Server
@@ -237,6 +240,27 @@ def test_browsers_that_never_read_do_not_slow_the_view(short: Frames, caplog: py
         assert answer == b"HTTP/1.1 101", "there is room again"
         for each, _ in (*found, (browser, answer)):
             each.close()
+
+
+def test_a_worm_is_let_go_when_the_browser_that_pulls_it_goes_away(short: Frames) -> None:
+    """And not when another one does."""
+
+    async def browse(url: str) -> None:
+        puller, other = [await websocket_connect(f"ws{url.removeprefix('http')}socket") for _ in range(2)]
+        await puller.write_message(json.dumps({"do": "grab", "value": [0.0, 0.0, 0.0]}))
+        await asyncio.sleep(0.1)
+        other.close()
+        await asyncio.sleep(0.3)
+        heard.append([each["do"] for each in view.heard(0.0)])
+        puller.close()
+        await asyncio.sleep(0.3)
+        heard.append([each["do"] for each in view.heard(0.0)])
+
+    heard: list[list[str]] = []
+    with LiveView() as view:
+        show(view, short, 0)
+        asyncio.run(browse(view.url))
+    assert heard == [["grab"], ["let_go"]]
 
 
 def _time_of(view: LiveView, frames: Frames, count: int) -> float:
