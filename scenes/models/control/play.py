@@ -26,7 +26,7 @@ TURN_STEP, SPEED_STEP = math.radians(10.0), 0.01
 """Changes of the heading [rad] and of the speed [m/s] by a press of an arrow key. With half these values, a user
 presses ten times for a turn that is seen. With double, the speed is soon beyond the worm's reach."""
 
-PATH_SHOWN, PATH_POINTS = 4.0, 400
+PATH_SHOWN, PATH_POINTS = 4.0, 200
 """Length of an endless path that is shown ahead and behind, in body lengths, and number of points of a path. With half
 the length, the end of the path is seen. With double the number of points, a page loads more slowly."""
 

@@ -368,12 +368,31 @@
 
     /** Without a graphics card, light is computed for each corner instead of each pixel, five times as fast. */
     function cheapen() {
-      if (soft) page.viewer.scene.traverse((one) => {
+      if (!soft) return;
+      const { scene: all } = page.viewer;
+      all.background = new (three().Color)(0xd3d9df);
+      all.traverse((one) => {
         const old = one.isMesh && one.material;
         if (!old || !old.isMeshPhongMaterial) return;
-        const { color, side, opacity, transparent, depthTest, depthWrite, vertexColors } = old;
+        const { color, opacity, transparent, depthTest, depthWrite, vertexColors } = old;
+        const side = depthTest ? old.side : three().FrontSide; // transparent meshes with two sides are drawn twice
         one.material = new (three().MeshLambertMaterial)({ color, side, opacity, transparent, depthTest, depthWrite, vertexColors });
       });
+    }
+
+    /** A skin with every second corner of every second ring: a quarter of the triangles. */
+    function coarsen() {
+      const { geometry } = page.layer("skin").getObjectByProperty("isMesh", true);
+      const corners = scene.skin.around.length - 1, tail = geometry.attributes.position.count - 2, last = tail - corners, faces = [];
+      for (let c = 0; c < corners; c += 2) {
+        const next = (c + 2) % corners;
+        faces.push(tail, next, c, tail + 1, last + c, last + next);
+        for (let at = 0; at < last; at += 2 * corners) {
+          const a = at + c, b = at + next, over = 2 * corners;
+          faces.push(a, b, b + over, a, b + over, a + over);
+        }
+      }
+      geometry.setIndex(faces);
     }
 
     /** Draw fewer pixels if pictures come too late. */
@@ -413,6 +432,7 @@
         make_trail();
         make_spring();
         make_buttons();
+        if (soft) coarsen();
         if (scene.controls) make_controls(scene.controls);
         surround();
         tell();

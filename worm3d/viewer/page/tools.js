@@ -6,7 +6,7 @@
 
   window.worm3d_tools = (page) => {
     const { viewer, scene, data, element } = page, live = element("scene").dataset.form === "live";
-    const plots = [];
+    const plots = [], fine = Math.ceil(window.devicePixelRatio);
     let drawn = -PLOT_EVERY, ends = [], line = null, measuring = false, recorder = null;
 
     function button(name, label, title, does) {
@@ -22,7 +22,7 @@
       const known = (scene.plots || []).filter(({ name }) => data.has(name));
       for (const about of known) {
         const figure = document.createElement("figure"), title = document.createElement("figcaption"), canvas = document.createElement("canvas");
-        Object.assign(canvas, { width: 2 * WIDE, height: 2 * HIGH, title: "click: go to this time" });
+        Object.assign(canvas, { width: fine * WIDE, height: fine * HIGH, title: "click: go to this time" });
         canvas.dataset.plot = about.name;
         canvas.addEventListener("pointerdown", (event) => jump(event, canvas));
         canvas.addEventListener("pointermove", (event) => { if (event.buttons === 1) jump(event, canvas); });
@@ -49,7 +49,8 @@
     function draw() {
       if (element("plots").hidden) return;
       for (const { about, title, canvas } of plots) {
-        const pen = canvas.getContext("2d"), wide = canvas.width, high = canvas.height;
+        // Without a graphics card, a browser draws twenty times as fast in memory.
+        const pen = canvas.getContext("2d", { willReadFrequently: true }), wide = canvas.width, high = canvas.height;
         const from = page.begin(), span = Math.max(page.end() - from, 1e-9), count = data.get(about.name, 0).length;
         const stride = Math.max(1, Math.floor(data.length / WIDE)), points = [];
         let low = 0, top = 0;
@@ -59,12 +60,12 @@
           top = Math.max(top, ...values);
           points.push([(data.time(k) - from) / span, values]);
         }
-        const y = (value) => high - 6 - ((value - low) / Math.max(top - low, 1e-9)) * (high - 12);
+        const y = (value) => high - 3 * fine - ((value - low) / Math.max(top - low, 1e-9)) * (high - 6 * fine);
         pen.clearRect(0, 0, wide, high);
-        pen.lineWidth = 1;
+        pen.lineWidth = fine / 2;
         pen.strokeStyle = "#9aa1ab";
         stroke(pen, [[0, y(0)], [wide, y(0)]]);
-        pen.lineWidth = 2;
+        pen.lineWidth = fine;
         for (let c = 0; c < count; c++) {
           pen.strokeStyle = COLOURS[c % COLOURS.length];
           stroke(pen, points.map(([x, values]) => [x * wide, y(values[c])]));
