@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +62,35 @@ class Piece:
             return self.colour
         red, green, blue = (float(part) for part in self.tint[frame])
         return red, green, blue
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Group:
+    """P pieces of a layer, which have the same fields."""
+
+    layer: str
+    meshes: Mapping[str, Mesh]
+    """Meshes by the names of the pieces."""
+    colour: Colour
+    on_top: bool
+    poses: Mapping[str, FloatArray]
+    """Position, turn, scale and tint as in `Piece`, for all pieces, with shapes (T, P, ...)."""
+
+    @property
+    def paths(self) -> list[str]:
+        """Paths of the pieces."""
+        return [f"{self.layer}/{name}" for name in self.meshes]
+
+    def pieces(self) -> list[Piece]:
+        """Return the pieces."""
+        look: dict[str, Any] = {"colour": self.colour, "on_top": self.on_top, "stepped": self.layer == "anchors"}
+        rows: list[dict[str, Any]] = [
+            {name: of[:, k] for name, of in self.poses.items()} for k in range(len(self.meshes))
+        ]
+        return [
+            Piece(path=path, mesh=mesh, **look, **row)
+            for path, mesh, row in zip(self.paths, self.meshes.values(), rows, strict=True)
+        ]
 
 
 def y_onto(direction: FloatArray, normal: FloatArray) -> FloatArray:

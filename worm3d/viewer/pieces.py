@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from worm3d.values.arrays import FloatArray
 from worm3d.viewer import colours, piece, shapes
 from worm3d.viewer.body import Bars, Body
 from worm3d.viewer.frames import Frames
-from worm3d.viewer.piece import HIDDEN, Piece
+from worm3d.viewer.piece import HIDDEN, Group, Piece
 from worm3d.viewer.shapes import Mesh, tube
 from worm3d.viewer.world import GROUND, Colour, WorldMesh
 
@@ -77,38 +76,44 @@ def rounded_up(value: float) -> float:
 
 def worm(frames: Frames, scales: Scales) -> list[Piece]:
     """Return the pieces of the worm: links if there are any, chambers and end faces."""
+    return [each for of in _worm(frames, scales) for each in of.pieces()]
+
+
+def contact(frames: Frames, scales: Scales) -> list[Piece]:
+    """Return contact forces as arrows, and sticking contact points as dots."""
+    return [each for of in _contact(frames, scales) for each in of.pieces()]
+
+
+def moving(frames: Frames, scales: Scales) -> list[Group]:
+    """Return the pieces of `worm` and `contact` in groups, which take less time to make."""
+    return [*_worm(frames, scales), *_contact(frames, scales)]
+
+
+def group(layer: str, meshes: Mapping[str, Mesh], **poses: FloatArray) -> Group:
+    """Return the pieces of a layer with the look of the layer, as `Group` describes."""
+    return Group(layer=layer, meshes=meshes, colour=LAYERS[layer][1], on_top=layer in ON_TOP, poses=poses)
+
+
+def _worm(frames: Frames, scales: Scales) -> Iterator[Group]:
     body, linked = Body.of(frames), frames.chamber_length is None
-    links = _links(body.links(frames), 0.055 * float(body.height[0].mean())) if linked else []
-    size = 0.74 if linked else 1.0  # with 0.71 times the half-diagonals of a rhombus, the ellipsoid touches the links
-    return [*links, *_chambers(body, frames.chamber_strain, scales, size), *_faces(frames, body)]
+    if linked:
+        yield _links(body.links(frames), 0.055 * float(body.height[0].mean()))
+    # With 0.71 times the half-diagonals of a rhombus, the ellipsoid touches the links.
+    yield _chambers(body, frames.chamber_strain, scales, 0.74 if linked else 1.0)
+    if frames.face_radius is not None:
+        yield _faces(frames.face_radius, frames.joints, body)
 
 
-def _pieces(layer: str, meshes: Mapping[str, Mesh], **poses: Any) -> list[Piece]:
-    """Return the P pieces of a layer.
-
-    `meshes` has their meshes by name. `poses` has fields of `Piece` (position, turn, scale, tint) for all pieces, with
-    shapes (T, P, ...).
-    """
-    pieces = []
-    for k, (name, mesh) in enumerate(meshes.items()):
-        own = {pose: array[:, k] for pose, array in poses.items()}
-        path, colour = f"{layer}/{name}", LAYERS[layer][1]
-        pieces.append(
-            Piece(path=path, mesh=mesh, colour=colour, on_top=layer in ON_TOP, stepped=layer == "anchors", **own)
-        )
-    return pieces
-
-
-def _links(bars: Bars, thick: float) -> list[Piece]:
+def _links(bars: Bars, thick: float) -> Group:
     middle, turn = 0.5 * (bars.start + bars.end), piece.y_onto(bars.end - bars.start, bars.normal)
     meshes = {
         name: shapes.capsule(length, 1.6 * thick if name.endswith("joint") else thick)
-        for name, length in zip(bars.names, bars.length, strict=True)
+        for name, length in zip(bars.names, bars.length.tolist(), strict=True)
     }
-    return _pieces("links", meshes, position=middle, turn=turn)
+    return group("links", meshes, position=middle, turn=turn)
 
 
-def _chambers(body: Body, strain: FloatArray, scales: Scales, size: float) -> list[Piece]:
+def _chambers(body: Body, strain: FloatArray, scales: Scales, size: float) -> Group:
     """Return an ellipsoid for each chamber, with its axis y along the segment, x to the left and z down.
 
     The semi-axes are `size` times the half-height and half of the length of the chamber.
@@ -116,7 +121,7 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales, size: float) -> li
     count, segments = strain.shape[:2]
     meshes = dict.fromkeys((f"{i:02d}-{side}" for i in range(segments) for side in "LR"), shapes.ball())
     half = size * np.stack([body.height, 0.5 * body.length, body.height], axis=-1)
-    return _pieces(
+    return group(
         "chambers",
         meshes,
         position=body.centre.reshape(count, -1, 3),
@@ -126,35 +131,30 @@ def _chambers(body: Body, strain: FloatArray, scales: Scales, size: float) -> li
     )
 
 
-def _faces(frames: Frames, body: Body) -> list[Piece]:
-    """Return the end faces of the worm as discs, or no pieces if it has none."""
-    if frames.face_radius is None:
-        return []
-    discs = (shapes.disc(radius, 0.05 * radius) for radius in frames.face_radius)
+def _faces(radii: FloatArray, joints: FloatArray, body: Body) -> Group:
+    """Return the end faces of the worm as discs."""
+    discs = (shapes.disc(radius, 0.05 * radius) for radius in radii.tolist())
     outwards = body.t[:, [0, -1]] * [[-1.0], [1.0]]
-    return _pieces(
+    return group(
         "faces",
         dict(zip(("tail", "head"), discs, strict=True)),
-        position=frames.joints[:, [0, -1]],
+        position=joints[:, [0, -1]],
         turn=piece.y_onto(outwards, body.d[:, [0, -1]]),
     )
 
 
-def contact(frames: Frames, scales: Scales) -> list[Piece]:
-    """Return contact forces as arrows, and sticking contact points as dots."""
+def _contact(frames: Frames, scales: Scales) -> Iterator[Group]:
     places = frames.contacts.reshape(len(frames), -1, 3)
-    pieces = []
     if frames.contact_force is not None:
         force = frames.contact_force.reshape(places.shape)
-        pieces += _arrows(places, force, arrow_length(frames.body_length) / scales.force, frames.body_length)
+        yield _arrows(places, force, arrow_length(frames.body_length) / scales.force, frames.body_length)
     if frames.anchored is not None:
         sticks = frames.anchored.reshape(places.shape[:2])
         scale = np.where(sticks, 0.014 * frames.body_length, HIDDEN)[..., None] * np.ones(3)
-        pieces += _marks("anchors", shapes.ball(rings=5, sides=8), sticks, position=places, scale=scale)
-    return pieces
+        yield _marks("anchors", shapes.ball(rings=5, sides=8), sticks, position=places, scale=scale)
 
 
-def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, body_length: float) -> list[Piece]:
+def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, body_length: float) -> Group:
     size = np.linalg.norm(force, axis=2)
     length = np.minimum(metres_per_newton * size, 2.0 * ARROW * body_length)
     seen = length > 1e-3 * body_length
@@ -165,15 +165,15 @@ def _arrows(places: FloatArray, force: FloatArray, metres_per_newton: float, bod
     return _marks("forces", shapes.arrow(), seen, position=places, turn=turn, scale=scale)
 
 
-def _marks(layer: str, mesh: Mesh, seen: NDArray[np.bool_], **poses: FloatArray) -> list[Piece]:
-    """Return the pieces of marks with the same mesh. Marks that are never visible are left out.
+def _marks(layer: str, mesh: Mesh, seen: NDArray[np.bool_], **poses: FloatArray) -> Group:
+    """Return marks with the same mesh. Marks that are never visible are left out.
 
     `seen` says whether each mark is visible in each frame, shape (T, P). If there is only one frame, all marks are
     included.
     """
-    shown = np.flatnonzero(seen.any(axis=0) | (len(seen) == 1))
+    shown = np.flatnonzero(seen.any(axis=0) | (len(seen) == 1)).tolist()
     meshes = dict.fromkeys((f"{k:03d}" for k in shown), mesh)
-    return _pieces(layer, meshes, **{name: array[:, shown] for name, array in poses.items()})
+    return group(layer, meshes, **{name: array[:, shown] for name, array in poses.items()})
 
 
 def way(frames: Frames) -> list[Piece]:
@@ -191,7 +191,7 @@ def way(frames: Frames) -> list[Piece]:
         ball = shapes.ball(rings=5, sides=8)
         mesh = Mesh(0.009 * size * ball.vertices, ball.faces)
         everywhere = np.ones(frames.horizon.shape[:2], dtype=bool)
-        pieces += _marks("horizon", mesh, everywhere, position=frames.horizon)
+        pieces += _marks("horizon", mesh, everywhere, position=frames.horizon).pieces()
     return pieces
 
 

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from worm3d.values.arrays import FloatArray
 from worm3d.viewer import camera, colours, html, pieces, recorder
 from worm3d.viewer.frames import Frames
 from worm3d.viewer.packed import joined
-from worm3d.viewer.piece import HIDDEN, Piece
+from worm3d.viewer.piece import HIDDEN, Group, Piece
 from worm3d.viewer.pieces import TRAIL_SIDES, Scales
 from worm3d.viewer.shapes import ball, tube
 from worm3d.viewer.skin import Skin
@@ -71,12 +70,13 @@ class Stream:
         frames, cover = self._begin, Skin.of(self._begin, self._scales.strain)
         point = np.stack([self._trail, self._trail + 1e-6])
         trail = Piece(path="trail/com", mesh=tube(point, 1e-6, sides=TRAIL_SIDES, capped=False), colour=colours.TRAIL)
-        parts = [*self._moving(frames), trail, cover.piece()]
+        groups = self._moving(frames)
+        parts = [*(part for group in groups for part in group.pieces()), trail, cover.piece()]
         marks = [*pieces.world((NO_GROUND,)), Piece(path="path/reference", mesh=ball(), colour=colours.REFERENCE_PATH)]
         scene = html.scene(frames, [*parts, *marks], self._scales, cover, recorder.ALL_BITS)
         live = {
             "fields": self.fields,
-            "paths": {layer: [part.path for part in of] for layer, of in _by_layer(self._moving(frames))},
+            "paths": {group.layer: group.paths for group in groups},
             "trail": {"ring": 0.005 * frames.body_length},
             "plots": [plot for plot in html.PLOTS if plot["name"] in self.fields],
             "controls": self._controls,
@@ -99,7 +99,7 @@ class Stream:
 
     def row(self, frames: Frames, values: Mapping[str, ArrayLike]) -> bytes:
         """Return the row of the first frame of `frames`, with further values of the same names as at the start."""
-        frames = frames.take([0])
+        frames = frames if len(frames) == 1 else frames.take([0])
         chord, wait = frames.joints[0, -1] - frames.joints[0, 0], float(frames.time[0]) - self._time
         turned = np.remainder(np.arctan2(chord[1], chord[0]) - self._azimuth + np.pi, 2.0 * np.pi) - np.pi
         if np.hypot(*chord[:2]) > 0.05 * np.linalg.norm(chord):
@@ -127,8 +127,10 @@ class Stream:
             **({} if speed is None else {"reference_speed": speed}),
             **values,
         }
-        for layer, of in _by_layer(self._moving(frames)):
-            fields |= {f"{layer}.{name}": value for name, value in _poses(of).items()}
+        for group in self._moving(frames):
+            fields |= {f"{group.layer}.{name}": values[0] for name, values in group.poses.items() if name != "turn"}
+            if "turn" in group.poses:
+                fields[f"{group.layer}.quaternion"] = recorder.quaternions(group.poses["turn"][0])
         return {name: np.asarray(value, dtype=float).ravel() for name, value in fields.items()}
 
     def _ring(self, frames: Frames) -> FloatArray:
@@ -141,40 +143,20 @@ class Stream:
         points = np.array([self._place - (ahead if ahead.any() else frames.axes[0]), self._place])
         return tube(points, 0.004 * size, sides=TRAIL_SIDES, capped=False).vertices[-TRAIL_SIDES:]
 
-    def _moving(self, frames: Frames) -> list[Piece]:
+    def _moving(self, frames: Frames) -> list[Group]:
         """Return the pieces that move, the same in each frame."""
-        marks = pieces.way(replace(frames, path=None, horizon=None, com=None, trail=None))
-        return [*pieces.worm(frames, self._scales), *pieces.contact(frames, self._scales), *marks, *_horizon(frames)]
+        return [*pieces.moving(frames, self._scales), _horizon(frames)]
 
 
-def _horizon(frames: Frames) -> list[Piece]:
+def _horizon(frames: Frames) -> Group:
     """Return the points of the horizon, always the same number. They are hidden if there is no horizon."""
     known, size = frames.horizon, 0.009 * frames.body_length
     line = frames.centre if known is None else known[0]
     along = np.linspace(0.0, len(line) - 1.0, HORIZON_POINTS)
     places = np.stack([np.interp(along, np.arange(len(line)), x) for x in line.T], axis=1)
-    scale = np.full((1, 3), HIDDEN if known is None else size)
-    mesh, colour = ball(rings=5, sides=8), colours.HORIZON
-    return [
-        Piece(path=f"horizon/{k:03d}", mesh=mesh, colour=colour, on_top=True, position=place[None], scale=scale)
-        for k, place in enumerate(places)
-    ]
-
-
-def _by_layer(parts: Iterable[Piece]) -> list[tuple[str, list[Piece]]]:
-    return [(layer, list(of)) for layer, of in groupby(parts, key=lambda part: part.layer)]
-
-
-def _poses(parts: Sequence[Piece]) -> dict[str, NDArray[Any]]:
-    """Return positions, quaternions, scales and colours of the pieces of a layer in the first frame, if they change."""
-    given: dict[str, list[Any]] = {
-        name: [getattr(part, name)[0] for part in parts if getattr(part, name) is not None]
-        for name in ("position", "turn", "scale", "tint")
-    }
-    poses = {name: np.array(of) for name, of in given.items() if of}
-    if "turn" in poses:
-        poses["quaternion"] = recorder.quaternions(poses.pop("turn"))
-    return poses
+    scale = np.full((1, HORIZON_POINTS, 3), HIDDEN if known is None else size)
+    meshes = dict.fromkeys((f"{k:03d}" for k in range(HORIZON_POINTS)), ball(rings=5, sides=8))
+    return pieces.group("horizon", meshes, position=places[None], scale=scale)
 
 
 def _message(about: Mapping[str, Any], commands: Iterable[recorder.Content]) -> bytes:
