@@ -24,6 +24,14 @@ from worm3d.values.spelling import Spelled
 
 SHIPPED_POLICY = Path(__file__).with_name("policy.npz")
 """File of the supplied policy."""
+POLICY_OF: Mapping[str, Path] = {
+    "worm3d/PathFollow-v0": SHIPPED_POLICY,
+    **{
+        f"worm3d/{name}-v0": SHIPPED_POLICY.with_name(f"{name.lower()}.npz")
+        for name in ("Velocity", "Pipe", "Slope", "Terrain")
+    },
+}
+"""Files of the policies that were trained for the named environments of Gymnasium."""
 ABOUT = "about"
 """Name of the entry in a file that describes how the policy was trained."""
 

@@ -103,7 +103,7 @@ class Player:
     """The run of a scene, and the answers to the controls of the page (`worm3d.running.live.Player`)."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene = self._good = scene
+        self.scene = self._good = self._first = scene
         assert scene.model.played is not None
         self.played: Played = scene.model.played(scene.settings)
         self._state: worm3d.State | None = None
@@ -128,8 +128,8 @@ class Player:
         if self._records:
             self._keep(result if failed else run.result(worm3d.Status.DONE))
         if failed and anew and run.done == 0:
-            raise SceneError(f"{self.scene.name}: {result.stop.sentence}")
-        if failed:
+            self._go_back(result.stop.sentence)
+        elif failed:
             self._says = f"{result.stop.sentence}; back at the start, with the same values"
             self._next, live.held = self._reset, True
         if self._next is not None:
@@ -142,8 +142,8 @@ class Player:
         except (worm3d.StateError, worm3d.LimitPointError, ValueError) as error:
             self._says, state = in_keys(str(error), WORM_KEYS), self._state
             if self.scene is self._good and state is None:
-                raise SceneError(self._says) from error
-            if self.scene is self._good:
+                self._go_back(self._says)
+            elif self.scene is self._good:
                 self._says += "; the run begins anew"
                 self._reset()
             else:
@@ -172,9 +172,23 @@ class Player:
 
     def _reset(self) -> None:
         """Let the run begin again, with the present values."""
-        assert self.scene.model.played is not None
+        begins = self.scene.model.played
+        assert begins is not None
         self._state, self._grip = None, None
-        self.played = self.scene.model.played(self.scene.settings)
+        try:
+            self.played = begins(self.scene.settings)
+        except SceneError as error:
+            self._says = f"{error}; the controller of the scene without changes is kept"
+            self.played = begins(self._first.settings)
+            self.played.follow(self.scene.settings, 0.0)
+
+    def _go_back(self, why: str) -> None:
+        """Let the run begin again, with the values of the scene; SceneError if they are the present ones already."""
+        if self.scene is self._first:
+            raise SceneError(f"{self.scene.name}: {why}")
+        self.scene = self._good = self._first
+        self._reset()
+        self._says = f"{why}; back at the start, with the values of the scene"
 
     def _turned(self) -> worm3d.State | None:
         """Return the present state, turned with the ground if its slope has changed. Contacts then begin anew."""

@@ -9,24 +9,17 @@ from __future__ import annotations
 
 import argparse
 import time
-from pathlib import Path
 
 import gymnasium
 import numpy as np
 import typer
 
 import scenes.gym_env  # noqa: F401  # registers the environments
-from control.learned.policy import SHIPPED_POLICY, Policy
+from control.learned.policy import POLICY_OF, Policy
 from scenes.studies.learn.named import NAMED, NAMESPACE
 
 PERIODS = 300
 """Control periods of a timing."""
-
-
-def policy_of(name: str) -> Path:
-    """Return the file of the policy that ships for an environment, or of the general one."""
-    own = SHIPPED_POLICY.with_name(f"{name.removesuffix('-v0').lower()}.npz")
-    return own if own.exists() else SHIPPED_POLICY
 
 
 def rewards(name: str, policy: Policy | None, episodes: int, seed: int) -> tuple[float, float]:
@@ -68,7 +61,7 @@ def main() -> None:
     typer.echo("environment       periods/s   on 16 worms   2 threads   reward by the map (mm off)   by the policy")
     for name in NAMED:
         one, many, both = (speed(name, *how) for how in ((1, 1), (16, 1), (16, 2)))
-        file = policy_of(name)
+        file = POLICY_OF[f"{NAMESPACE}/{name}"]
         (plain, off), (trained, kept) = (
             rewards(name, each, given.episodes, given.seed) for each in (None, Policy.load(file))
         )

@@ -82,7 +82,7 @@ def test_the_page_holds_a_run_takes_steps_and_sets_its_speed(speed: float) -> No
         def ask() -> None:
             assert live._view is not None
             for message in ({"do": "hold"}, {"do": "step"}, {"do": "step"}, {"do": "speed", "value": 10}, {"do": "go"}):
-                time.sleep(0.4)
+                time.sleep(0.5)
                 live._view._server.heard.put(message)
 
         asks = threading.Thread(target=ask)

@@ -42,7 +42,7 @@ NAMED: Mapping[str, Named] = MappingProxyType(
             },
         ),
         "Pipe-v0": Named("velocity_pipe", {"world.radius_m": "0.11:0.14", "reference.speed_m_s": "0.04:0.07"}),
-        "Slope-v0": Named("path_s_curve_slope", {"world.slope_deg": "-3:3", "world.heading_deg": "-180:180"}),
+        "Slope-v0": Named("path_s_curve_slope", {"world.slope_deg": "-1.5:3", "world.heading_deg": "-60:60"}),
         "Terrain-v0": Named(
             "path_line",
             {"world.stones": "0:1000000", "world.height_m": "0.005:0.02"},

@@ -351,3 +351,17 @@ def test_a_run_that_diverges_goes_back_to_the_start_and_waits() -> None:
     assert page.held
     assert page.player.state()["says"].endswith("; back at the start, with the same values")
     assert [t for t, _ in page.seen].count(0.0) > 1
+
+
+def test_values_that_cannot_begin_a_run_go_back_to_those_of_the_scene() -> None:
+    page = played("turn_planned", [(0.1, set_to("gait.force_N", 1e6))], 5)
+    assert page.player.scene.settings.gait.force_N < 10.0
+    assert page.player.state()["says"].endswith("; back at the start, with the values of the scene")
+    assert page.seen[-1][0] > 0.4
+
+
+def test_a_worm_without_a_map_begins_anew_with_the_controller_of_the_scene() -> None:
+    page = played("path_s_curve_slope", [(0.1, set_to("worm.mass_kg", 0.4)), (0.2, {"do": "reset"})], 4)
+    assert page.player.scene.settings.worm.mass_kg == 0.4
+    assert "the controller of the scene without changes is kept" in page.player.state()["says"]
+    assert page.seen[-1][0] > 0.4
