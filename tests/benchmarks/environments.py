@@ -58,15 +58,17 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1000)
     given = parser.parse_args()
-    typer.echo("environment       periods/s   on 16 worms   2 threads   reward by the map (mm off)   by the policy")
+    typer.echo(
+        "environment       periods/s   on 16 worms   2 threads   reward by the map (mm off)   paths   its policy"
+    )
     for name in NAMED:
         one, many, both = (speed(name, *how) for how in ((1, 1), (16, 1), (16, 2)))
         file = POLICY_OF[f"{NAMESPACE}/{name}"]
-        (plain, off), (trained, kept) = (
-            rewards(name, each, given.episodes, given.seed) for each in (None, Policy.load(file))
+        (plain, off), (paths, near), (trained, kept) = (
+            rewards(name, each, given.episodes, given.seed) for each in (None, Policy.load(), Policy.load(file))
         )
         typer.echo(f"{name:16} {one:10.0f} {many:13.0f} {both:11.0f}", nl=False)
-        typer.echo(f"{plain:20.2f} ({off:.0f}){trained:17.2f} ({kept:.0f}) {file.name}")
+        typer.echo(f"{plain:20.2f} ({off:.0f}){paths:12.2f} ({near:.0f}){trained:9.2f} ({kept:.0f}) {file.name}")
 
 
 if __name__ == "__main__":

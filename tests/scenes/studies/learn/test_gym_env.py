@@ -12,6 +12,7 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed (extra 'gym'
 import gymnasium
 from gymnasium.utils.env_checker import check_env
 
+from control.learned.policy import POLICY_OF, Policy
 from control.sensing.sensors import Measurement, Sensors
 from scenes.gym_env import WormEnv, WormVectorEnv
 from scenes.language.errors import SceneError
@@ -45,6 +46,16 @@ def test_each_environment_has_a_name_and_passes_the_checker(name: str) -> None:
     assert later.shape == first.shape
     assert np.abs(later.astype(int) - first).max() > 100, "the worm has moved"
     env.close()
+
+
+def test_each_environment_has_a_policy_that_was_trained_in_the_environment() -> None:
+    assert {*POLICY_OF} == {f"worm3d/{name}" for name in NAMED}
+    for name, task in NAMED.items():
+        about = Policy.load(POLICY_OF[f"worm3d/{name}"]).about
+        assert about["scene"] == task.scene
+        if name != "PathFollow-v0":  # the policy of the controller `LearnedPolicy` saw other lateral frictions, too
+            assert about["vary"] == task.vary
+            assert about["overrides"] == [*task.overrides]
 
 
 def test_episodes_of_a_named_environment_are_drawn() -> None:
