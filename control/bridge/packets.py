@@ -153,11 +153,9 @@ def next_packet(data: bytes) -> tuple[bytes, bytes]:
         end = begin + HEADER.size
         if len(data) >= end:
             header = HEADER.unpack_from(data, begin)
-            end += 4 * sum(sizes(header[5], max(1, header[4])).values()) + CHECK.size
-            if (
-                len(data) >= end
-                and zlib.crc32(data[begin : end - CHECK.size]) == CHECK.unpack_from(data, end - CHECK.size)[0]
-            ):
+            check = end + 4 * sum(sizes(header[5], max(1, header[4])).values())
+            end = check + CHECK.size
+            if len(data) >= end and zlib.crc32(data[begin:check]) == CHECK.unpack_from(data, check)[0]:
                 return data[begin:end], data[end:]
         if len(data) < end <= begin + LARGEST:
             kept = min(kept, begin)

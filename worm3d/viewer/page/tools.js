@@ -49,7 +49,7 @@
     function draw() {
       if (element("plots").hidden) return;
       for (const { about, title, canvas } of plots) {
-        // Without a graphics card, a browser draws twenty times as fast in memory.
+        // Without a graphics card, drawing in memory is much faster.
         const pen = canvas.getContext("2d", { willReadFrequently: true }), wide = canvas.width, high = canvas.height;
         const from = page.begin(), span = Math.max(page.end() - from, 1e-9), count = data.get(about.name, 0).length;
         const stride = Math.max(1, Math.floor(data.length / WIDE)), points = [];
