@@ -94,6 +94,19 @@ def stand_in(thing: Any, note: Callable[[], None]) -> Any:
     return called
 
 
+def _check(scene: Draft, override: str, module: Any, name: str, replaced: Any) -> bool:
+    """Return whether a scene is accepted with an override, while a name of a module means something else."""
+    before = vars(module)[name]
+    setattr(module, name, replaced)
+    try:
+        scene.checked([override])
+    except SceneError:
+        return False
+    finally:
+        setattr(module, name, before)
+    return True
+
+
 def main(seed: int, number: int) -> None:
     """Print what is called of so many values in each key."""
     warnings.simplefilter("ignore")
@@ -109,15 +122,20 @@ def main(seed: int, number: int) -> None:
         for scene, key, kind in asked:
             if isinstance(thing, type) and PART_KINDS[kind].base_class in thing.__mro__:
                 continue  # a part that ships
+            usual: list[str] = []  # calls by the check itself, of functions of this distribution
+            if module.__name__.split(".")[0] in OURS:
+                _check(
+                    scene,
+                    key.format("json:loads"),
+                    module,
+                    name,
+                    stand_in(thing, functools.partial(usual.append, value)),
+                )
+            if usual:
+                continue
             note = functools.partial(called.append, key.format(value))
-            setattr(module, name, stand_in(thing, note))
-            try:
-                scene.checked([key.format(value)])
+            if _check(scene, key.format(value), module, name, stand_in(thing, note)):
                 accepted.append(key.format(value))
-            except SceneError:
-                pass
-            finally:
-                setattr(module, name, thing)
     sys.stdout.write(json.dumps({"tried": tried, "called": called, "accepted": accepted}))
 
 

@@ -279,7 +279,8 @@ def test_a_case_that_never_ends_has_a_time_limit(
     own.write_text(MODULE)
     sys.modules.pop("own_code", None)
     again = worm3d(*command)
-    assert (again.code, again.complaints[1]) == (0, "path_line: 1 of 2 cases, 1 kept from before")
+    assert again.code == 0
+    assert again.complaints[1].startswith("path_line: 1 of 2 cases, 1 kept from before")
     assert again.complaints[0] == f"runs code of the module own_code ({own})"
 
 

@@ -345,7 +345,7 @@ def region(law: Law, of: Learned) -> tuple[FloatArray, FloatArray]:
     for side, end in ((-1.0, low), (1.0, high)):
         across = planes[side * planes[:, 1] > STEEPEST]
         hull = np.min(-(across[:, 2] + np.outer(contraction, across[:, 0])) / (side * across[:, 1]), axis=1)
-        farthest = side * np.minimum(rest * (hull + EXTRAPOLATED), side * end)
+        farthest = side * np.maximum(np.minimum(rest * (hull + EXTRAPOLATED), side * end), side * free)
         length = free + np.linspace(0.0, 1.0, REGION_LENGTHS)[:, None] * (farthest - free)
         force, radius = of.ensemble(length, np.broadcast_to(contraction, length.shape))
         known = np.std(force, axis=0) <= limits["force_share"] * law.size(np.mean(force, axis=0))
