@@ -42,6 +42,7 @@ NAMED: Mapping[str, Named] = MappingProxyType(
             },
         ),
         "Pipe-v0": Named("velocity_pipe", {"world.radius_m": "0.11:0.14", "reference.speed_m_s": "0.04:0.07"}),
+        # On descents above 1.7 degrees, a worm with the forward friction of the scene slides down.
         "Slope-v0": Named("path_s_curve_slope", {"world.slope_deg": "-1.5:3", "world.heading_deg": "-60:60"}),
         "Terrain-v0": Named(
             "path_line",

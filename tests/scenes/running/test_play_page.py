@@ -14,6 +14,7 @@ from devtools import Chromium, program
 from scenes.models.loading import load_scene
 from scenes.running.playing import Player
 from worm3d.running.live import Live
+from worm3d.viewer.skin import RING_CORNERS
 
 PATIENCE = 60.0
 """How long the page may take for what it is asked [s]; a page without a graphics card takes a second or two."""
@@ -95,6 +96,16 @@ def test_sliders_keys_and_a_pull_change_the_run(page: Any, playing: Playing, tmp
     wait(lambda: "saved: " in text(page, "told"))
     (saved,) = tmp_path.glob("flat-*.toml")
     assert load_scene(saved).settings.gait == gait()
+    outwards = page.value(
+        "(() => { const { position, normal } = viewer.scene_tree.find(['meshcat', 'skin']).object"
+        ".getObjectByProperty('isMesh', true).geometry.attributes;"
+        f" const ring = Array.from({{ length: {RING_CORNERS} / 2 }}, (_, c) => {18 * RING_CORNERS} + 2 * c);"
+        " const at = (of, i) => new MeshCat.THREE.Vector3().fromBufferAttribute(of, i);"
+        " const middle = new MeshCat.THREE.Vector3();"
+        " ring.forEach((i) => middle.addScaledVector(at(position, i), 1 / ring.length));"
+        " return ring.map((i) => at(normal, i).dot(at(position, i).sub(middle).normalize())); })()"
+    )
+    assert min(outwards) > 0.3, "the skin is seen from outside, also the coarse skin without a graphics card"
     page.click("#controls summary")
     page.press(" ")  # the camera stands too
     wait(lambda: text(page, "play") == "\u25b6")
@@ -109,12 +120,15 @@ def test_sliders_keys_and_a_pull_change_the_run(page: Any, playing: Playing, tmp
         wait(lambda: text(page, "tag").endswith(" N") and not page.value("document.getElementById('tag').hidden"))
         forces.append(text(page, "tag"))
         assert playing.player._grip is not None
+        wait(lambda: seen() == pytest.approx([place[0] + 40, place[1] + 90], abs=3))  # also the last move of the mouse
+
+    def seen() -> Any:
+        """Return the place in the window [pixels] to which the spring leads."""
         forward, left, up = playing.player._pointer + playing.player._off  # z is up in the run, and y in the page
-        seen = page.value(
+        return page.value(
             f"(() => {{ const p = viewer.controls.target.clone().set({forward}, {up}, {-left}).project(viewer.camera);"
             " return [(0.5 + 0.5 * p.x) * innerWidth, (0.5 - 0.5 * p.y) * innerHeight]; })()"
         )
-        assert seen == pytest.approx([place[0] + 40, place[1] + 90], abs=3), "the spring leads to the pointer"
 
     page.drag(tuple(place), (place[0] + 40, place[1] + 90), ctrl=True, held=held)
     assert float(forces[0].removesuffix(" N")) > 0.05

@@ -20,11 +20,14 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tornado.websocket import websocket_connect
 
 from worm3d.viewer import Frames, html, live
 from worm3d.viewer.live import LiveView, Server
+from worm3d.viewer.pieces import Scales, contact, worm
 from worm3d.viewer.server import MOST_BROWSERS
+from worm3d.viewer.stream import Stream
 
 
 @pytest.fixture(scope="module")
@@ -240,6 +243,28 @@ def test_browsers_that_never_read_do_not_slow_the_view(short: Frames, caplog: py
         assert answer == b"HTTP/1.1 101", "there is room again"
         for each, _ in (*found, (browser, answer)):
             each.close()
+
+
+def test_rows_of_a_stream_have_the_poses_of_the_pieces(short: Frames) -> None:
+    scales = Scales.of(short)
+    stream = Stream(short.take([0]), scales, {})
+    frames = short.take([len(short) - 1])
+    row = np.frombuffer(stream.row(frames, {}), "<f4")
+
+    def field(name: str, width: int) -> np.ndarray:
+        first, size = stream.fields[name]
+        return row[first : first + size].reshape(-1, width)
+
+    moving = [*worm(frames, scales), *contact(frames, scales)]
+    for layer in {"links", "chambers"} | {part.layer for part in moving}:
+        parts = [part for part in moving if part.layer == layer]
+        for name, width in (("position", 3), ("scale", 3), ("tint", 3)):
+            given = [getattr(part, name) for part in parts]
+            if given[0] is not None:
+                np.testing.assert_allclose(field(f"{layer}.{name}", width), np.concatenate(given), atol=1e-6)
+        if parts[0].turn is not None:
+            turns = Rotation.from_quat(field(f"{layer}.quaternion", 4)).as_matrix()
+            np.testing.assert_allclose(turns, np.concatenate([part.turn for part in parts]), atol=1e-6)
 
 
 def test_a_worm_is_let_go_when_the_browser_that_pulls_it_goes_away(short: Frames) -> None:

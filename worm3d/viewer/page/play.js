@@ -172,7 +172,7 @@
     }
 
     // -------------------------------------------------------------- the spring that pulls the worm
-    let spring = null, pulled = null, sent = 0;
+    let spring = null, pulled = null, aim = null;
 
     function make_spring() {
       const material = new (three().MeshBasicMaterial)({ color: 0xd9480f, depthTest: false, transparent: true });
@@ -216,10 +216,10 @@
         send({ do: "grab", value: [hit.point.x, -hit.point.z, hit.point.y] });
       }, true);
       pane.addEventListener("pointermove", (event) => {
-        if (!pulled || event.timeStamp - sent < PULL_EVERY) return;
-        sent = event.timeStamp;
-        const place = under(event);
-        if (place) send({ do: "pull", value: place });
+        if (!pulled) return;
+        const first = !aim;
+        aim = under(event);
+        if (first && aim) setTimeout(() => { if (pulled && aim) send({ do: "pull", value: aim }); aim = null; }, PULL_EVERY);
       }, true);
       for (const name of ["pointerup", "pointercancel"]) {
         window.addEventListener(name, () => { if (pulled) { pulled = null; send({ do: "let_go" }); } }, true);
